@@ -42,7 +42,7 @@ _ROWS: Final = {
     "FNSF (paper)": ("fnsf", "paper", False),
     "MNSF (paper)": ("mnsf", "paper", False),
 }
-_PARTS: Final = ("all", "dynamic", "static")
+_PARTS: Final = ("dynamic", "static")
 _DRIVES: Final = ("kitti_0005", "apollo_arz034", "ouster_os1_128", "nebula_vls128")
 
 # Group of points to its mean error over examples, metres.

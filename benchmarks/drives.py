@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mnsf_ros import simulation
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator, simulate_sweeps
+from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # Recordings whose sweeps are motion compensated: their points have no times of their own.
@@ -105,7 +105,7 @@ def simulated_drive(seed: int, number: int, **settings: float) -> Iterator[TrueS
     """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
     street = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
-    yield from map(_simulated, simulate_sweeps(street))
+    yield from map(_simulated, SweepSimulator(street))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from mnsf_ros.errors import MnsfError, OptimizationError, SettingsError, SweepError
+from mnsf_ros.errors import SettingsError, SweepError
 from mnsf_ros.presets import preset
 from mnsf_ros.scene_flow import estimate_flow
 from mnsf_ros.settings import Settings
@@ -106,21 +106,3 @@ def test_error_names_the_array_or_says_how_many_points_are_left(scene, name, set
             f"sweep 0: 0 of {len(points)} points are left after crop and ground removal, expected"
         )
         refused(text, settings, **{**sweeps, name: points})
-
-
-def test_no_finite_flow(scene):
-    explosive = SHORT.changed(
-        {
-            "optimization.learning_rate": 1,
-            "optimization.decay": False,
-            "optimization.max_iterations": 10,
-            # The best weights would be finite.
-            "fusion.fields": "last",
-            "field.num_hidden_layers": 30,
-            "field.hidden_width": 64,
-        }
-    )
-    with pytest.raises(OptimizationError, match=r"^the loss became nan, expected a finite number"):
-        estimate(scene, explosive)
-    with pytest.raises(MnsfError):
-        estimate_flow([], [])

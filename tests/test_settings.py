@@ -150,12 +150,6 @@ def test_mapping_and_back(name):
     assert Settings().changed(mapping) == settings
 
 
-def test_presets():
-    assert preset("online") == Settings()
-    methods = {name: preset(name).method.name for name in PRESET_NAMES}
-    assert methods == {"online": "online", "neural": "neural", "paper": "mnsf", "authors": "mnsf"}
-
-
 def test_paper_preset_is_the_paper():
     settings = preset("paper")
     assert (settings.field.num_hidden_layers, settings.field.hidden_width) == (8, 128)

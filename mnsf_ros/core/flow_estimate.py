@@ -57,21 +57,13 @@ class TrackedObject:
     """
 
     track_id: int
-    center: NDArray[np.float64]
-    size: NDArray[np.float64]
+    center: NDArray[np.float64] = field(repr=False)
+    size: NDArray[np.float64] = field(repr=False)
     yaw: float
-    velocity: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    velocity: NDArray[np.float64] = field(repr=False)
+    covariance: NDArray[np.float64] = field(repr=False)
     age_s: float
     num_points: int
-
-    def __repr__(self) -> str:
-        """Number, speed and points, without the arrays."""
-        speed = float(np.linalg.norm(self.velocity))
-        return (
-            f"TrackedObject(track_id={self.track_id}, speed={speed:.1f} m/s, "
-            f"num_points={self.num_points})"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,23 +88,16 @@ class OverGround:
             without objects.
     """
 
-    motion: NDArray[np.float32]
-    dynamic: NDArray[np.bool_]
-    confidence: NDArray[np.float32]
-    world_from_sensor: NDArray[np.float64]
-    next_from_current: NDArray[np.float64]
+    motion: NDArray[np.float32] = field(repr=False)
+    dynamic: NDArray[np.bool_] = field(repr=False)
+    confidence: NDArray[np.float32] = field(repr=False)
+    world_from_sensor: NDArray[np.float64] = field(repr=False)
+    next_from_current: NDArray[np.float64] = field(repr=False)
     source: str
-    pose_covariance: NDArray[np.float64] | None = None
-    motion_covariance: NDArray[np.float64] | None = None
+    pose_covariance: NDArray[np.float64] | None = field(default=None, repr=False)
+    motion_covariance: NDArray[np.float64] | None = field(default=None, repr=False)
     objects: tuple[TrackedObject, ...] = ()
-    track_ids: NDArray[np.int32] | None = None
-
-    def __repr__(self) -> str:
-        """Numbers of points and objects, without the arrays."""
-        return (
-            f"OverGround(points={len(self.dynamic)}, dynamic={np.count_nonzero(self.dynamic)}, "
-            f"objects={len(self.objects)}, source={str(self.source)!r})"
-        )
+    track_ids: NDArray[np.int32] | None = field(default=None, repr=False)
 
     def part(self, rows: NDArray[np.int64]) -> OverGround:
         """Returns the same for some points, by their numbers (M,)."""
@@ -235,8 +220,8 @@ class FlowEstimate:
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
 
-    flow: NDArray[np.float32]
-    kept: NDArray[np.bool_]
+    flow: NDArray[np.float32] = field(repr=False)
+    kept: NDArray[np.bool_] = field(repr=False)
     times_ms: dict[str, float] = field(default_factory=dict)
     fits: dict[str, OptimizationResult] = field(default_factory=dict)
     start: Start = Start.COLD_BY_SETTING
@@ -245,17 +230,7 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
-    reason_of: Callable[[NDArray[np.int64]], Reason] | None = None
-
-    def __repr__(self) -> str:
-        """Numbers of points and objects, and the time, without the arrays."""
-        known = self.over_ground
-        moving = (
-            ""
-            if known is None
-            else (f"dynamic={np.count_nonzero(known.dynamic)}, objects={len(known.objects)}, ")
-        )
-        return f"FlowEstimate(points={len(self.flow)}, {moving}time={self.time_ms:.1f} ms)"
+    reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 
     def part(self, rows: NDArray[np.int64]) -> FlowEstimate:
         """Returns the estimate of some points, by their numbers (M,)."""

@@ -33,10 +33,11 @@ from mnsf_ros.errors import (
 )
 from mnsf_ros.methods.external_flow import CommandEstimator, PredictionFiles
 from mnsf_ros.methods.neural_estimator import NeuralEstimator
-from mnsf_ros.methods.without_optimization import (
-    EgoMotionEstimator,
-    EstimatedEgoMotionEstimator,
-    ZeroEstimator,
+from mnsf_ros.methods.references import (
+    ReferenceEstimator,
+    ego_flow,
+    estimated_ego_flow,
+    zero_flow,
 )
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for, variant_of
@@ -106,9 +107,11 @@ _NETWORKS: Final[dict[str, MethodMaker]] = {
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,
     "neural": NeuralEstimator,
-    "zero": ZeroEstimator,
-    "ego": EgoMotionEstimator,
-    "ego-estimated": EstimatedEgoMotionEstimator,
+    "zero": partial(ReferenceEstimator, zero_flow, MethodTraits()),
+    "ego": partial(ReferenceEstimator, ego_flow, MethodTraits(needs_poses=True)),
+    "ego-estimated": partial(
+        ReferenceEstimator, estimated_ego_flow, MethodTraits(carries_state=True)
+    ),
     **_NETWORKS,
     **{
         name: partial(CommandEstimator.from_environment, name)

@@ -5,16 +5,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mnsf_ros.geometry.transforms import FloatArray
 from mnsf_ros.simulation.bodies import Directions, Shape, entry_ranges
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mnsf_ros.geometry.transforms import FloatArray
 
 MIN_RANGE_M = 0.9
 # Glass returns rays within 15 degrees of its normal.

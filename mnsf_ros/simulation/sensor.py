@@ -124,9 +124,9 @@ def sensor_of(settings: SimulationSettings) -> Sensor:
         knee_elevations_deg(settings.num_beams),
         settings.num_columns,
         settings.rate_hz,
-        settings.range_noise_m,
-        settings.dropout,
-        settings.max_range_m,
+        range_noise_m=0.02,
+        dropout=0.02,
+        max_range_m=120.0,
     )
 
 

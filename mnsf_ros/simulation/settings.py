@@ -36,10 +36,7 @@ class SimulationSettings:
     rate_hz: float = declared(10.0, "sweeps per second", 1, 50)
     num_beams: int = declared(64, f"lasers: {', '.join(map(str, BEAM_CHOICES))}")
     num_columns: int = declared(1900, "azimuth steps of a sweep", 36, 8192)
-    range_noise_m: float = declared(0.02, "standard deviation of the range", 0, 1)
-    dropout: float = declared(0.02, "share of returns that are dropped", 0, 1)
     ego_speed_m_s: float = declared(8.0, "speed of the vehicle with the lidar", 0, 20)
-    max_range_m: float = declared(120.0, "maximum range of the lidar", 5, 300)
     scenario: str = declared(
         "street",
         "street; random: a drawn lidar, place and traffic; standing: random, nothing moves",
@@ -50,8 +47,6 @@ class SimulationSettings:
         check_declared(self)
         if self.num_beams not in BEAM_CHOICES:
             raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
-        if self.dropout == 1.0:
-            raise SettingsError("dropout: must be below 1, or no point is left")
         if self.scenario != "street":
             for setting in simulation_settings():
                 value = getattr(self, setting.name)

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.routes import LEVEL, Route, Slope
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 LANE_LATERAL_M = 2.0
 _PARKING_LATERAL_M = 5.4

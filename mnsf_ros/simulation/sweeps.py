@@ -3,23 +3,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
+from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import ground_hits, intensities
 from mnsf_ros.simulation.worlds import build_scene
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from mnsf_ros.simulation.settings import SimulationSettings
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
@@ -61,16 +57,6 @@ class SimulatedSweep:
     times_ns: NDArray[np.uint32] | None = None
 
 
-def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
-    """Yields the sweeps of a recording in the order of their stamps.
-
-    Every sweep has flow, also the last one: its truth leads to the sweep that would follow.
-    """
-    simulator = SweepSimulator(settings)
-    for index in range(simulator.num_sweeps):
-        yield simulator.sweep(index)
-
-
 class SweepSimulator:
     """Takes sweeps of one scene, in any order.
 
@@ -95,8 +81,15 @@ class SweepSimulator:
         self._classes = np.array([int(b.model.surface_class) for b in bodies] + [0], np.uint8)
         self._reflectivity = np.array([b.model.reflectivity for b in bodies] + [0.0])
 
+    def __iter__(self) -> Iterator[SimulatedSweep]:
+        """Yields the sweeps of the recording in the order of their stamps."""
+        return map(self.sweep, range(self.num_sweeps))
+
     def sweep(self, index: int) -> SimulatedSweep:
-        """Returns the sweep with the given number, counted from 0."""
+        """Returns the sweep with the given number, counted from 0.
+
+        The truth of the last one leads to the sweep that would follow.
+        """
         sensor, time_s = self.scene.sensor, index * self.interval_s
         rng = np.random.default_rng([self._seed, 1, index])
         # Without a phase a standing vehicle would measure the very same points again and again.

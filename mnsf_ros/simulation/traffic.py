@@ -6,18 +6,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
+from mnsf_ros.geometry.transforms import FloatArray
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker
 from mnsf_ros.simulation.routes import Clearance, Route, SpeedProfile, Trip
 from mnsf_ros.simulation.settings import Scenario, drawn
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Crossing, Street
-
-if TYPE_CHECKING:
-    from mnsf_ros.geometry.transforms import FloatArray
 
 _SIDE_REACH_M = 70.0
 _STEP_M = 0.25

@@ -19,10 +19,10 @@ def test_large_results_are_shown_in_one_line():
     still = dynamic.astype(np.float32)
     known = OverGround(flow, dynamic, still, np.eye(4), np.eye(4), "registration")
     estimate = FlowEstimate(flow, dynamic, times_ms={"prepare": 1.5, "forward": 2.0})
-    assert repr(estimate) == "FlowEstimate(points=50000, time=3.5 ms)"
-    shown = "points=50000, dynamic=40, objects=0, "
-    assert repr(replace(estimate, over_ground=known)) == f"FlowEstimate({shown}time=3.5 ms)"
-    assert repr(known) == f"OverGround({shown}source='registration')"
+    shown = repr(replace(estimate, over_ground=known))
+    assert shown.startswith("FlowEstimate(times_ms={'prepare': 1.5, 'forward': 2.0}, ")
+    assert "OverGround(source='registration', objects=())" in shown
+    assert "array" not in shown
 
 
 def test_clock_ends_a_cancelled_estimate_before_the_next_stage():

@@ -11,7 +11,7 @@ from torch import nn
 
 from mnsf_ros.core.flow_estimate import StopReason
 from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule, minimize
-from mnsf_ros.errors import CancelledError, OptimizationError
+from mnsf_ros.errors import OptimizationError
 
 GOAL = torch.tensor([1.0, -2.0, 3.0])
 
@@ -150,16 +150,6 @@ def test_loss_that_is_not_finite_without_better_weights_to_return_to(first, keep
     )
     with pytest.raises(OptimizationError, match=r"^the loss became nan, expected a finite number"):
         minimized(schedule, keep_best=keep_best, factors=factors)
-
-
-@pytest.mark.parametrize("steps", [0, 1, 4])
-def test_cancelled(steps):
-    table = Table(3)
-    course = Course(table)
-    schedule = Schedule(100, 0.1, cancelled=lambda: len(course.losses) == steps)
-    with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
-        minimize(table, course, schedule, keep_best=True)
-    assert len(course.losses) == steps
 
 
 def test_network_without_weights_is_not_optimized():

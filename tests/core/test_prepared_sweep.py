@@ -88,11 +88,3 @@ def test_sweep_is_prepared_once_as_the_triplet_moves_on(sweeps):
     assert preparation.prepare(*sweeps[2:5])[0].distance is distance
     # A sweep that left the triplet is forgotten.
     assert preparation.prepare(sweeps[0])[0] is not first
-
-
-def test_refused_sweep_does_not_spoil_the_others(sweeps):
-    preparation = SweepPreparation(NO_GROUND)
-    first, second = preparation.prepare(*sweeps[:2])
-    with pytest.raises(SweepError):
-        preparation.prepare(sweeps[1], Sweep.from_array(np.zeros((0, 3))))
-    assert preparation.prepare(*sweeps[:2]) == [first, second]

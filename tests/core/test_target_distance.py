@@ -92,21 +92,6 @@ def test_outside_it_is_not_too_small_and_pulls_back(points, generator, beyond):
         assert (distances(closer) < distances(positions)).all()
 
 
-def test_gradient_of_the_grid_is_the_slope(points, generator):
-    box, distances = GridBox.around(points, CELL_M), transform(points)
-    # Between 0.2 and 0.8 of a cell from its lower node, so that a small step stays inside it.
-    nodes = torch.floor(anywhere(points, generator, beyond=0.0) / CELL_M) * CELL_M
-    offset = CELL_M * (0.2 + 0.6 * torch.rand(nodes.shape, generator=generator))
-    positions = (nodes + offset.to(nodes.device)).requires_grad_()
-    assert box.cell_size_m == CELL_M
-    (gradient,) = torch.autograd.grad(distances(positions).sum(), positions)
-    step = 0.05 * CELL_M
-    with torch.no_grad():
-        for axis, unit in enumerate(torch.eye(3, device=points.device)):
-            rise = distances(positions + step * unit) - distances(positions - step * unit)
-            torch.testing.assert_close(gradient[:, axis], rise / (2 * step), atol=1e-3, rtol=0)
-
-
 @pytest.mark.parametrize("reach_m", [0.3, 1.0, 40.0])
 @pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
 def test_transform_on_the_device_is_exact_within_its_reach(points, cell_size_m, reach_m):

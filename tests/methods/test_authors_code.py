@@ -13,7 +13,6 @@ from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.mnsf import Networks
-from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 
 
@@ -69,15 +68,3 @@ def test_fusion_of_the_sum_cannot_tell_the_flows_apart(generator):
     torch.testing.assert_close(network(flows.flatten(1)), network(swapped.flatten(1)))
     apart = fusion_network(Settings().fusion, generator, num_flows=3)
     assert not torch.allclose(apart(flows.flatten(1)), apart(swapped.flatten(1)))
-
-
-def test_preset_of_the_authors_differs_from_the_paper_in_what_their_code_does():
-    paper, authors = (preset(name).to_mapping() for name in ("paper", "authors"))
-    assert {name: authors[name] for name in paper if paper[name] != authors[name]} == {
-        "optimization.joint": True,
-        "fusion.input": "sum",
-        "fusion.fields": "last",
-        "fusion.patience": 30,
-        "nsfp.weight_decay": 0.0001,
-        "nsfp.min_delta_m2": 0.0001,
-    }

@@ -173,11 +173,6 @@ def test_a_variant_is_the_method_with_other_settings(translated):
     np.testing.assert_array_equal(variant.estimate(translated).flow, expected)
 
 
-def test_mean_learns_nothing(translated):
-    fusion = estimate("mnsf+fusion.kind=mean", translated, SHORT).fits["fusion"]
-    assert (fusion.iterations, fusion.stop_reason) == (0, StopReason.CONVERGED)
-
-
 def test_without_inversion_the_mean_is_of_f_and_b_itself(translated):
     # f + b and f - b add up to twice f, whatever the two are.
     plain = SHORT.changed({"fusion.kind": "mean"})

@@ -106,28 +106,6 @@ def test_unequal_intervals(make_scene):
     assert mean_errors(estimate(stampless, settings).flow, scene)[0] > 0.12
 
 
-def test_one_row_for_each_point_in_its_order(triplet):
-    result = estimate(triplet)
-    order = np.random.default_rng(0).permutation(len(triplet.current))
-    shuffled = SweepTriplet(
-        triplet.previous, Sweep.from_array(triplet.current.xyz[order]), triplet.next
-    )
-    flow = result.flow
-    assert flow.shape == triplet.current.xyz.shape
-    assert flow.dtype == np.float32
-    np.testing.assert_allclose(estimate(shuffled).flow, flow[order], atol=1e-3)
-
-
-def test_largest_number_of_points_to_fit_to(triplet):
-    num_kept = int(estimate(triplet).kept.sum())
-
-    def flow(max_points):
-        return estimate(triplet, SHORT.changed({"optimization.max_points": max_points})).flow
-
-    np.testing.assert_array_equal(flow(num_kept), flow(0))
-    assert not np.array_equal(flow(num_kept - 1), flow(0))
-
-
 def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
     estimator = make_method("mnsf", SHORT)
     all_kept = estimator.estimate(triplet).kept

@@ -28,15 +28,6 @@ def test_nanoseconds_of_a_second_or_more_are_carried(stack):
     assert decode_stamp(stack.make_stamp(7, 4_294_967_295)) == 11_294_967_295
 
 
-def test_numpy_integers_do_not_overflow():
-    stamp = SimpleNamespace(sec=np.int32(2_000_000_000), nanosec=np.uint32(5))
-    assert decode_stamp(stamp) == 2_000_000_000_000_000_005
-    encoded = encode_stamp(np.int64(3_000_000_004))
-    assert encoded == (3, 4)
-    assert type(encoded.sec) is int
-    assert type(encoded.nanosec) is int
-
-
 @pytest.mark.parametrize(("name", "maximum"), [("sec", 2**31 - 1), ("nanosec", 2**32 - 1)])
 @pytest.mark.parametrize("value", [-1, 2**32, 1.5, None, "now", np.array([1, 2])])
 def test_impossible_stamps_are_refused(name, maximum, value):

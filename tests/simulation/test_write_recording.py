@@ -8,7 +8,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import simulate_sweeps
+from mnsf_ros.simulation.sweeps import SweepSimulator
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
@@ -26,7 +26,7 @@ def test_recording_holds_what_was_simulated(tmp_path, settings, compress):
     calls = []
     write_recording(settings, tmp_path / "street", lambda *p: calls.append(p), compress=compress)
     assert calls == [(1, 2), (2, 2)]
-    sweeps = list(simulate_sweeps(settings))
+    sweeps = list(SweepSimulator(settings))
     with BagReader(tmp_path / "street") as reader:
         truth = read_truth(reader)
         poses = read_sensor_poses(reader)

@@ -97,13 +97,6 @@ def test_without_options_it_is_the_fast_method(tmp_path, capsys):
     np.testing.assert_allclose(slow, (4, 0, 0), atol=0.25)
 
 
-def test_four_sweeps(files, tmp_path, capsys):
-    run(*files, "-o", tmp_path / "out.ply", "--method", "mnsf-frames4", *FAST)
-    assert "backward 2 iteration_limit" in capsys.readouterr().out
-    with pytest.raises(SweepError, match="got 1 sweeps before it, expected 2"):
-        run(*files[1:], "-o", tmp_path / "out.npz", "--method", "mnsf-frames4", *FAST)
-
-
 def test_row_without_a_point_stays_a_row(files, tmp_path, capsys, make_scene):
     xyz = make_scene().current.copy()
     xyz[[0, 7]] = np.nan
