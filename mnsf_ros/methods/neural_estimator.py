@@ -83,10 +83,9 @@ class NeuralEstimator(ObjectFlowEstimator):
             EncodedPoints(some, objects.centers, steps)
             for some in (objects, objects.thinner(_POINTS_TO_CHOOSE))
         )
-        motions = [start]
-        if suspects.expected.is_known.any():
-            motions.append(suspects.expected.motions)
-        starts = [FieldFlow.of(few, targets, _rigid(each)) for each in motions]
+        starts = [
+            FieldFlow.of(few, targets, _rigid(each)) for each in suspects.expected.beside(start)
+        ]
         flows: list[FieldFlow] = []
         for target in all_targets:
             with clock.stage("backward" if flows else "forward"):

@@ -72,51 +72,58 @@ def _points_near(
     low = (points[:, :2].min(axis=0) - margin_m).astype(np.float32)
     shape = ((points[:, :2].max(axis=0) + margin_m - low) / _REACH_M).astype(np.int64) + 2
     xyz = np.ascontiguousarray(current.xyz)
-    lowest = _lowest(xyz, current.kept, low, np.full(shape, np.inf, np.float32))
+    cells = _cells(xyz, low, *shape)
+    lowest = _lowest(xyz, cells, current.kept, shape.prod()).reshape(shape)
     road = cone_erosion(lowest, round(_ROAD_REACH_M / _REACH_M), _SLOPE * _REACH_M)
     is_near = np.zeros(shape, np.bool_)
     columns, rows = ((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T
     for across in (-1, 0, 1):
         for along in (-1, 0, 1):
             is_near[columns + across, rows + along] = True
-    return _near_cells(is_near, road, low, xyz, owners, current.kept, is_loose)
+    return _in_cells(is_near.ravel(), road.ravel(), xyz, cells, owners, current.kept, is_loose)
 
 
-@compiled("float32[:, ::1](float32[:, ::1], boolean[::1], float32[::1], float32[:, ::1])")
-def _lowest(
-    xyz: NDArray[np.float32],
-    kept: NDArray[np.bool_],
-    low: NDArray[np.float32],
-    lowest: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """Lowers cells to the height of their lowest point that was taken for ground."""
+@compiled("int32[::1](float32[:, ::1], float32[::1], int64, int64)")
+def _cells(
+    xyz: NDArray[np.float32], low: NDArray[np.float32], num_columns: int, num_rows: int
+) -> NDArray[np.int32]:
+    """Returns (N,) the cells of points (N, 3) in a grid from `low` on, -1 outside it."""
     reach = np.float32(_REACH_M)
+    cells = np.full(len(xyz), -1, np.int32)
     for point in range(len(xyz)):
         column, row = (xyz[point, 0] - low[0]) / reach, (xyz[point, 1] - low[1]) / reach
-        is_inside = (
-            (column >= 0) & (column < lowest.shape[0]) & (row >= 0) & (row < lowest.shape[1])
-        )
-        if is_inside and not kept[point]:
-            cell = int(column), int(row)
+        if (column >= 0) & (column < num_columns) & (row >= 0) & (row < num_rows):
+            cells[point] = int(column) * num_rows + int(row)
+    return cells
+
+
+@compiled("float32[::1](float32[:, ::1], int32[::1], boolean[::1], int64)")
+def _lowest(
+    xyz: NDArray[np.float32], cells: NDArray[np.int32], kept: NDArray[np.bool_], number: int
+) -> NDArray[np.float32]:
+    """Returns (number,) the height of the lowest point of each cell that was taken for ground."""
+    lowest = np.full(number, np.float32(np.inf))
+    for point in range(len(xyz)):
+        cell = cells[point]
+        if cell >= 0 and not kept[point]:
             lowest[cell] = min(lowest[cell], xyz[point, 2])
     return lowest
 
 
 @compiled(
-    "UniTuple(int64[::1], 2)(boolean[:, ::1], float32[:, ::1], float32[::1], float32[:, ::1], "
+    "UniTuple(int64[::1], 2)(boolean[::1], float32[::1], float32[:, ::1], int32[::1], "
     "int64[::1], boolean[::1], boolean[::1])"
 )
-def _near_cells(
+def _in_cells(
     is_near: NDArray[np.bool_],
     road: NDArray[np.float32],
-    low: NDArray[np.float32],
     xyz: NDArray[np.float32],
+    cells: NDArray[np.int32],
     owners: NDArray[np.int64],
     kept: NDArray[np.bool_],
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Loop of `_points_near`."""
-    reach, min_height = np.float32(_REACH_M), np.float32(_MIN_HEIGHT_M)
     found = np.empty(len(xyz), np.int64)
     num_loose = np.zeros(len(is_loose), np.int64)
     number = 0
@@ -125,11 +132,10 @@ def _near_cells(
             num_loose[owners[point]] += 1
         elif kept[point]:
             continue
-        column, row = (xyz[point, 0] - low[0]) / reach, (xyz[point, 1] - low[1]) / reach
-        if not ((column >= 0) & (column < road.shape[0]) & (row >= 0) & (row < road.shape[1])):
+        cell = cells[point]
+        if cell < 0 or not is_near[cell]:
             continue
-        cell = int(column), int(row)
-        if is_near[cell] and (kept[point] or xyz[point, 2] > road[cell] + min_height):
+        if kept[point] or xyz[point, 2] > road[cell] + np.float32(_MIN_HEIGHT_M):
             found[number] = point
             number += 1
     return found[:number].copy(), num_loose

@@ -71,6 +71,10 @@ class Expectation:
         """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
         return np.where(self.is_known[:, None], self.motions, motions)
 
+    def beside(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Returns (K, 3) metres each, other motions, and the predictions if there are any."""
+        return [motions, self.or_else(motions)] if self.is_known.any() else [motions]
+
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
         """Returns the predictions for the objects of the (K,) mask."""
         return Expectation(

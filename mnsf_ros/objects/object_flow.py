@@ -174,9 +174,7 @@ class ObjectFlowEstimator:
         objects, targets = suspects.objects, scene.targets
         num_iterations = self.settings.objects.max_iterations
         next_, *previous = targets.near
-        others = [start]
-        if suspects.expected.is_known.any():
-            others.append(suspects.expected.or_else(start))
+        others = suspects.expected.beside(start)
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
