@@ -50,11 +50,11 @@ class EgoSource(Enum):
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
 
 
-# Registration: besides the covariance by the map, which most errors in random worlds stay below.
+# Registration: besides the covariance by the map; within a sweep vehicles sway on their springs.
 # Odometry: a usual one; its own covariance is not read. Without either nobody knows.
 _NOISE: Final = {
     EgoSource.START: StepNoise(0.001, 0.0, 0.0001, 0.0),
-    EgoSource.REGISTRATION: StepNoise(0.004, 0.003, 0.0006, 0.003),
+    EgoSource.REGISTRATION: StepNoise(0.002, 0.0, 0.001, 0.0),
     EgoSource.ODOMETRY: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.TF: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.CONSTANT_VELOCITY: StepNoise(0.5, 0.5, 0.05, 0.5),
@@ -109,7 +109,7 @@ class EgoMotion:
         self._last: Sweep | None = None
         self._last_pose = _origin()
         self._last_motion: NDArray[np.float64] | None = None
-        # Of that motion by the map, in the axes of the world.
+        # Of that motion by all sweeps until then, in the axes of the world.
         self._last_covariance: NDArray[np.float64] = np.zeros((6, 6))
         self._last_interval_ns = 0
         # The same for all sweeps of a world, so that intervals are those of the stamps.
@@ -145,9 +145,10 @@ class EgoMotion:
         before = self._last_pose.world_from_sensor
         interval_ns = sweep.stamp_ns - last.stamp_ns
         motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
+        expected = self._expected(before, interval_ns)
         known: NDArray[np.float64] = np.zeros((6, 6))
         if motion is None:
-            motion, source, known = self._registered(last, before, sweep)
+            motion, source, known = self._registered(last, before, sweep, expected)
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
@@ -158,7 +159,10 @@ class EgoMotion:
         ):
             self._last_motion = None if interval_ns < 0 else motion
             self._last_interval_ns = interval_ns
-            self._last_covariance = known + was_guessed * self._last_pose.step_covariance
+            fused = known
+            if source is EgoSource.REGISTRATION and expected is not None:
+                fused = _fused(known, expected.covariance)
+            self._last_covariance = fused + was_guessed * self._last_pose.step_covariance
         axes = np.kron(np.eye(2), before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
@@ -178,13 +182,16 @@ class EgoMotion:
         return motion if is_possible else None
 
     def _registered(
-        self, last: Sweep, world_from_last: NDArray[np.float64], sweep: Sweep
+        self,
+        last: Sweep,
+        world_from_last: NDArray[np.float64],
+        sweep: Sweep,
+        expected: Placed | None,
     ) -> tuple[NDArray[np.float64], EgoSource, NDArray[np.float64]]:
         """(4, 4) last_from_sweep, where it is from, and its covariance (6, 6) by the map."""
         if self._map is None:
             # Odometry was lost just now: the map starts with the last sweep, where it was.
             self._map = self._map_of(last, world_from_last, self.motion_in(last))
-        expected = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns)
         found = self._matched(self._map, last, world_from_last, sweep, expected)
         source = EgoSource.REGISTRATION
         if found is None:
@@ -284,6 +291,14 @@ class SensorPoses:
     def motion_in(self, sweep: Sweep) -> SweepMotion | None:
         """The sensor's motion during a sweep, as far as it is known by now."""
         return self._ego_motion.motion_in(sweep)
+
+
+def _fused(known: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The covariance (6, 6) of a motion by the map and by the motions before, which hold shifts."""
+    fused = known.copy()
+    both = np.linalg.inv(known[:3, :3]) + np.linalg.inv(expected[:3, :3])
+    fused[:3, :3] = np.linalg.inv(both)
+    return fused
 
 
 def _origin() -> SensorPose:

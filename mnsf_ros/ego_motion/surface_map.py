@@ -44,6 +44,11 @@ class Comparison:
     gradient: NDArray[np.float64]
     curvature: NDArray[np.float64]
 
+    @property
+    def upright(self) -> float:
+        """How many points are on upright surfaces, which hold the position."""
+        return float(self.curvature[0, 0] + self.curvature[1, 1])
+
 
 class SurfaceMap:
     """Points of sweeps in cells, and the surface in each cell."""

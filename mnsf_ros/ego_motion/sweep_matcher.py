@@ -20,16 +20,18 @@ from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
 # Points farther from their surface than this do not count: vehicles that move along.
-_SETTLE_WITHIN_M: Final = 0.3
-_MAX_STEPS_TO_SETTLE: Final = 6
-_MAX_STEPS_TO_REFINE: Final = 10
+_REACH_M: Final = 0.3
+_MAX_STEPS: Final = 10
 # Steps smaller than this, in metres at 30 m range, are the last.
 _LAST_STEP_M: Final = 0.001
 _FAR_M: Final = 30.0
-# Each point holds the pose as well as one with this error, which is larger than the noise of
-# lidars: neighbouring points err together.
+# Against the expected position each point counts as one with this error: neighbours err together.
 _POINT_M: Final = 0.16
-# Keeps directions that nothing is known of where they are.
+# Errors of a pose in random worlds are those of points with independent errors of the first size
+# and a common one of the second, by which traffic, or the pattern of the rays, pulls all of them.
+_NOISE_M: Final = 0.04
+_COMMON_M: Final = 0.0003
+# Of a direction that nothing is known of.
 _LEAST_CURVATURE: Final = 1e-6
 # At the beginning nothing is known: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns on the
 # spot makes 10 degrees of it. Angles in degrees and shifts in metres are tried with some points;
@@ -39,15 +41,10 @@ _SEARCHED: Final = (
     (np.linspace(-12.0, 12.0, 13), np.linspace(-1.0, 1.0, 5)),
 )
 _SEARCH_POINTS: Final = 1000
-_SEARCH_REACH_M: Final = 0.3
 _SEARCH_STARTS: Final = 5
-_STANDING_WITHIN_M: Final = 0.15
 # A motion that explains fewer of the points is not one to trust: .57 and more for the second sweep
 # of random worlds, at 17 m/s with 32 beams; .38 and less for sweeps of other places (tunnels .72).
 _MIN_EXPLAINED: Final = 0.47
-# Where so few points are on surfaces, nothing holds the motion; .47 and more on streets seen
-# with 16 beams, .05 for points too sparse to have surfaces.
-_MIN_ON_SURFACES: Final = 0.12
 _MIN_POINTS: Final = 50
 
 
@@ -95,33 +92,24 @@ class SweepMatcher:
         """Returns where a sweep was taken.
 
         The search starts from the expected pose, which is None if nothing is known of the motion.
-        Where the map does not hold the position, the expected one does. Returns None if the map
-        does not explain the sweep.
+        Where the map hardly holds the position, the expected one does. Returns None if the map does
+        not explain the sweep, or does not hold it at all.
         """
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            how = expected.pose, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE, expected
-            found = _explained(cloud, *self._aligned(cloud.points, *how))
+            found = _explained(cloud, *self._aligned(cloud.points, expected.pose, expected))
             if found is not None:
                 return found
         return self._searched(cloud)
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
-        points = cloud.points
-        settled = [
-            self._aligned(points, start, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE)[0]
-            for start in self._starts(cloud)
-        ]
+        settled = [self._aligned(cloud.points, start) for start in self._starts(cloud)]
         # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         # by all that stands they do not.
-        best = max(
-            settled, key=lambda pose: self._num_standing(cloud.standing, pose, _STANDING_WITHIN_M)
-        )
-        return _explained(
-            cloud, *self._aligned(points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE)
-        )
+        best, _ = max(settled, key=lambda found: found[1].upright)
+        return _explained(cloud, *self._aligned(cloud.points, best))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -138,7 +126,7 @@ class SweepMatcher:
             ]
             counts = np.array(
                 [
-                    [self._num_standing(some, pose, _SEARCH_REACH_M) for pose in row]
+                    [self._map.compared(some, pose, _REACH_M).num_on_surfaces for pose in row]
                     for row in places
                 ]
             )
@@ -148,17 +136,10 @@ class SweepMatcher:
             starts += [places[each // len(places[0])][each % len(places[0])] for each in best]
         return starts
 
-    def _num_standing(
-        self, standing: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
-    ) -> int:
-        return self._map.compared(standing, pose, within_m).num_on_surfaces
-
     def _aligned(
         self,
         points: NDArray[np.float32],
         start: NDArray[np.float64],
-        within_m: float,
-        max_steps: int,
         expected: Placed | None = None,
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
@@ -170,13 +151,12 @@ class SweepMatcher:
             expected = Placed(start, np.eye(6))
         holds = _POINT_M**2 * np.linalg.inv(expected.covariance[:3, :3])
         pose = start.copy()
-        for _ in range(max_steps):
-            there = self._map.compared(points, pose, within_m)
-            gradient, curvature = there.gradient, there.curvature
+        for _ in range(_MAX_STEPS):
+            there = self._map.compared(points, pose, _REACH_M)
+            gradient, curvature = there.gradient.copy(), there.curvature.copy()
             gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
             curvature[:3, :3] += holds
-            curvature += np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
-            step = -solved(np.ascontiguousarray(curvature), np.ascontiguousarray(gradient))
+            step = -solved(curvature + _least(curvature), gradient)
             pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
             pose[:3, 3] += step[:3]
             if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
@@ -185,12 +165,25 @@ class SweepMatcher:
 
 
 def _explained(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
-    """The pose with its covariance; None if the map does not explain the cloud."""
-    is_held = there.num_on_surfaces >= _MIN_ON_SURFACES * len(cloud)
-    if not is_held or there.num_explained < _MIN_EXPLAINED * len(cloud):
-        return None
-    points = np.ascontiguousarray(there.curvature)
-    return Placed(pose, _POINT_M**2 * np.stack([solved(points, axis) for axis in np.eye(6)]))
+    """The pose with its covariance; None if the map does not explain the cloud, or not hold it."""
+    covariance = _covariance(there)
+    is_held = np.trace(covariance[:2, :2]) < _REACH_M**2
+    is_explained = there.num_explained >= _MIN_EXPLAINED * len(cloud)
+    return Placed(pose, covariance) if is_held and is_explained else None
+
+
+def _covariance(there: Comparison) -> NDArray[np.float64]:
+    """(6, 6) of a pose: each point errs by itself, and all of them a little in the same way."""
+    curvature = there.curvature + _least(there.curvature)
+    inverse = np.stack([solved(curvature, axis) for axis in np.eye(6)])
+    arm_m2 = np.trace(curvature[3:, 3:]) / np.trace(curvature[:3, :3])
+    common = (_COMMON_M * there.num_on_surfaces) ** 2 * np.diag([1.0] * 3 + [arm_m2] * 3)
+    return _NOISE_M**2 * inverse + inverse @ common @ inverse
+
+
+def _least(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(6, 6) keeps directions that nothing is known of where they are."""
+    return np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
 
 
 @compiled("float64[::1](float64[:, ::1], float64[::1])")

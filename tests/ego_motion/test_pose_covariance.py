@@ -10,10 +10,11 @@ from box_street import BoxStreet, pose
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.covariance import StepNoise, chained_covariance, step_covariance
-from mnsf_ros.ego_motion.ego_motion import EgoMotion
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.settings import EgoMotionSettings
 
 NOISE = StepNoise(0.01, 0.01, 0.002, 0.01)
+ODOMETRY = EgoMotionSettings(source="odometry")
 
 
 def test_chain_has_the_spread_of_many_noisy_drives():
@@ -53,4 +54,16 @@ def test_poses_say_that_little_holds_them_along_a_bare_tunnel():
     for index in range(4):
         found = ego_motion.pose_of(tunnel.sweep(pose(), index, points_per_box=60_000))
     along, across = np.sqrt(np.diag(found.step_covariance))[:2]
-    assert along > 1.5 * across
+    assert along > 10 * across
+
+
+def test_poses_on_bare_ground_are_guesses_that_go_on_with_the_velocity():
+    """Flat ground looks the same from everywhere: the sensor may be metres from where it fits."""
+    ground, ego_motion = BoxStreet(num_parked=0), EgoMotion(ODOMETRY)
+    ground.boxes = []
+    for index in range(6):
+        known = pose(0.5 * index) if index < 3 else None
+        found = ego_motion.pose_of(ground.sweep(pose(0.5 * index), index, odometry=known))
+    assert found.source is EgoSource.CONSTANT_VELOCITY
+    np.testing.assert_allclose(found.world_from_sensor, pose(2.5), atol=1e-9)
+    assert np.sqrt(found.step_covariance[0, 0]) > 0.3
