@@ -150,7 +150,7 @@ def _points(topics: str, bag: str) -> str:
             return topics or used_topics(reader.path, reader.topics).points
     if topics:
         return topics
-    from mnsf_ros.node.cloud_topics import only_cloud_topic
+    from mnsf_ros.node.raw_topics import only_cloud_topic
 
     return only_cloud_topic()
 

@@ -154,7 +154,6 @@ def _recorded_flow(flows: BagReader, example: Example) -> NDArray[np.float32] | 
 
 
 def _scored(example: Example, estimate: FlowEstimate) -> list[ResultRow]:
-    """The errors of the ground points and of all others."""
     truth = example.truth
     if truth is None:
         return []

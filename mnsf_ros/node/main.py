@@ -148,7 +148,6 @@ def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
 
 
 def _init_ros() -> None:
-    """Reads the ROS arguments of the command line and parameter files."""
     import rclpy
 
     try:

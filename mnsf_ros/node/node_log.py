@@ -64,7 +64,6 @@ class FaultLog:
     """Logs each kind of fault at most every ten minutes; may be used from any thread."""
 
     def __init__(self, name: str) -> None:
-        """`name` is that of the node's logger."""
         self._name = name
         self._loggers: dict[str, Logger] = {}
 

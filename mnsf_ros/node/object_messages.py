@@ -160,7 +160,6 @@ def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Mess
 
 
 def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Message:
-    """A nav2_dynamic_msgs/Obstacle."""
     found = messages.Obstacle(score=1.0)
     found.uuid.uuid = _uuid(item, run)
     place, speed, size = found.position, found.velocity, found.size

@@ -30,7 +30,6 @@ class UnknownParameterError(ParameterNotDeclaredException):
     """The node does not have this parameter; rclpy's own error does not name it."""
 
     def __init__(self, name: str) -> None:
-        """The text names the nearest settings, too."""
         hint = did_you_mean(name, (setting.name for setting in declared_settings()))
         Exception.__init__(self, f"unknown parameter {name!r}{hint}")
 
@@ -105,7 +104,6 @@ def undeclared_overrides(node: Node) -> list[str]:
 
 
 def _overrides(node: Node) -> dict[str, Parameter]:
-    """Parameters of the command line and of files."""
     # rclpy drops unknown ones without a word and offers no public way to see them.
     overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     return overrides

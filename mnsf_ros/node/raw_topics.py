@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes, in and out of ROS."""
+"""Topics of the ROS graph: messages as bytes, and the topics of lidars."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ from typing import Any, Final, TypeVar
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.environment import leaving_ros
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
+_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+# Clouds that a scene flow node publishes.
+_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
+# Nodes need a while to find each other; one more cloud may turn up until then.
+_SEARCH_S: Final = 3.0
 
 Self = TypeVar("Self", bound="RawTopics")
 
@@ -55,7 +61,6 @@ class RawTopics:
     """
 
     def __init__(self, name: str) -> None:
-        """Joins the ROS graph as a node of this name."""
         self._context = Context()
         rclpy.init(args=[], context=self._context)
         self.node = rclpy.create_node(name, context=self._context)
@@ -63,11 +68,9 @@ class RawTopics:
         self._executor.add_node(self.node)
 
     def __enter__(self: Self) -> Self:
-        """Returns itself."""
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Leaves the ROS graph."""
         with leaving_ros():
             self._executor.shutdown()
             self.node.destroy_node()
@@ -126,3 +129,31 @@ class RawTopics:
 def _qos(is_latched: bool = False, depth: int = _DEPTH) -> QoSProfile:
     kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
+
+
+def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
+    """Returns the topic of the only publisher of clouds, beside those of this package.
+
+    Raises:
+        SettingsError: If there is none, or more than one; it names them.
+    """
+    with RawTopics("scene_flow_search") as ros:
+        ros.spin_for(search_s)
+        topics = cloud_topics(ros.node)
+    if len(topics) == 1:
+        return topics[0]
+    if topics:
+        raise SettingsError(f"several PointCloud2 topics: {', '.join(topics)}; give points:=TOPIC")
+    raise SettingsError(
+        f"no PointCloud2 topic is published, as seen in {search_s:g} s; start the lidar first, or "
+        "give points:=TOPIC"
+    )
+
+
+def cloud_topics(node: Node) -> list[str]:
+    """Returns the published topics of clouds that a node sees, beside those of this package."""
+    return sorted(
+        name
+        for name, types in node.get_topic_names_and_types()
+        if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
+    )

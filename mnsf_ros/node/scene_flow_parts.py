@@ -13,7 +13,6 @@ from std_srvs.srv import Trigger
 from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.node.cloud_topics import cloud_topics
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
@@ -24,6 +23,7 @@ from mnsf_ros.node.parameters import (
     UnknownParameterError,
     undeclared_overrides,
 )
+from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob

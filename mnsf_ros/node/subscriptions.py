@@ -71,7 +71,6 @@ class InputSubscription:
         on_cloud: Callable[[PointCloud2], None],
         report: Report,
     ) -> None:
-        """Subscribes with reliability `auto`, `reliable` or `best_effort`."""
         self._node = node
         self._topic = topic
         self._wanted = reliability
@@ -183,7 +182,6 @@ class OdometrySubscription:
     """Remembers odometry, and adds the pose of the sensor to sweeps."""
 
     def __init__(self, node: Node, topic: str, report: Report) -> None:
-        """Subscribes once the settings ask for it, see `change_settings`."""
         self._node = node
         self._topic = topic
         self._report = report

@@ -221,7 +221,6 @@ class LidarMerging(LidarGroups):
     missing: tuple[str, ...] = ()
 
     def __init__(self, topics: tuple[str, ...], report: Report) -> None:
-        """`report` counts and logs lidars that are left out."""
         super().__init__(len(topics))
         self._topics, self._report = topics, report
 

@@ -22,7 +22,6 @@ class LatestOnlyQueue(Generic[Job]):
     """
 
     def __init__(self, num_in_order: int = 0) -> None:
-        """Starts empty; `num_in_order` jobs wait in order."""
         self._num_in_order = num_in_order
         self._in_order: deque[Job] = deque()
         self._newest: Job | None = None
@@ -123,7 +122,6 @@ class LatestOnlyWorker(Generic[Job]):
                     self._current = self._waiting.take()
 
     def _next_job(self) -> Job | None:
-        """Waits for a job; None at the end."""
         with self._condition:
             while self._current is None and not self._is_closing:
                 self._condition.wait()

@@ -137,12 +137,10 @@ class OnlinePipeline:
         return all(worker.close(max(0.0, deadline_s - time.monotonic())) for worker in workers)
 
     def _prepare(self, job: TripletJob) -> None:
-        """Runs in the worker that prepares."""
         if self._estimating.submit((job, self._stream.prepare(job.triplet))):
             self.statistics.count(TRIPLETS_DROPPED)
 
     def _estimate(self, work: tuple[TripletJob, PreparedTriplet]) -> None:
-        """Runs in the worker that estimates."""
         job, prepared = work
         settings, started_s = self._stream.settings, time.monotonic()
 

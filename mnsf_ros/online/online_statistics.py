@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class RecentEstimate:
 
 @dataclass(frozen=True)
 class StatisticsSnapshot:
-    """A copy of the statistics at one moment."""
+    """The statistics at one moment; never changed."""
 
     counts: Counter[str] = field(default_factory=Counter)  # how often each event happened
     recent: tuple[RecentEstimate, ...] = ()  # oldest first
@@ -78,42 +78,33 @@ class OnlineStatistics:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._counts: Counter[str] = Counter()
-        self._recent: deque[RecentEstimate] = deque(maxlen=_WINDOW)
-        self._arrivals_s: deque[float] = deque(maxlen=_WINDOW)
-        self._last_failure = ""
-        self._failures_in_a_row = 0
+        self._now = StatisticsSnapshot()
 
     def count(self, event: str, times: int = 1) -> None:
         """Counts an event."""
         with self._lock:
-            self._counts[event] += times
+            counts = self._now.counts + Counter({event: times})
+            self._now = replace(self._now, counts=counts)
 
     def add_arrival(self) -> None:
         """Notes that a sweep was received now."""
         with self._lock:
-            self._arrivals_s.append(time.monotonic())
+            arrivals_s = (*self._now.arrivals_s, time.monotonic())[-_WINDOW:]
+            self._now = replace(self._now, arrivals_s=arrivals_s)
 
     def add_failure(self, text: str) -> None:
         """Notes that an estimate failed."""
         with self._lock:
-            self._last_failure = text
-            self._failures_in_a_row += 1
+            number = self._now.failures_in_a_row + 1
+            self._now = replace(self._now, last_failure=text, failures_in_a_row=number)
 
     def add_estimate(self, latency_ms: float, estimate: FlowEstimate) -> None:
         """Notes that the flow of an estimate was published now."""
         item = RecentEstimate(time.monotonic(), latency_ms, estimate.part(_NO_POINT))
         with self._lock:
-            self._recent.append(item)
-            self._failures_in_a_row = 0
+            recent = (*self._now.recent, item)[-_WINDOW:]
+            self._now = replace(self._now, recent=recent, failures_in_a_row=0)
 
     def snapshot(self) -> StatisticsSnapshot:
-        """A copy of all of it."""
-        with self._lock:
-            return StatisticsSnapshot(
-                counts=self._counts.copy(),
-                recent=tuple(self._recent),
-                arrivals_s=tuple(self._arrivals_s),
-                last_failure=self._last_failure,
-                failures_in_a_row=self._failures_in_a_row,
-            )
+        """All of it as of now."""
+        return self._now

@@ -21,7 +21,6 @@ class Access:
     """The rule of one server: on this computer its own pages, on a network who has the token."""
 
     def __init__(self, host: str) -> None:
-        """Makes a token unless the address that is listened on is of this computer only."""
         self._host = host
         self._token = "" if _is_loopback(host) else secrets.token_urlsafe(16)
 

@@ -1,19 +1,23 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps of a recording with their flow and, where it is known, their true flow."""
+"""Sweeps of a recording with their flow: the estimate, the truth and the error as scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from typing import Final
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.errors import MnsfError, RecordingError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import (
     CloudRows,
     TruthCloud,
@@ -25,7 +29,8 @@ from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
+from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
 
 # Above the rounding of stamps as floating point numbers, below the interval of any lidar.
 _SAME_STAMP_NS: Final = 500_000
@@ -104,3 +109,52 @@ def estimated_sweeps(
         yield EstimatedSweep(name, number, triplet, estimate, head if is_known else None)
     if findings.damages and num_estimates == 0:
         raise next(iter(findings.damages)).error()
+
+
+def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
+    """Returns a sweep as it is drawn, in the colours of a layer: estimate, truth or error."""
+    current = sweep.triplet.current
+    return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *pose_and_objects(sweep))
+
+
+def pose_and_objects(
+    sweep: EstimatedSweep,
+) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
+    """Returns world_from_sensor (4, 4), the identity if unknown, and the dynamic objects."""
+    known = sweep.estimate.over_ground
+    return (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
+
+
+def _estimate_colors(sweep: EstimatedSweep) -> Colors:
+    estimate, known = sweep.estimate, sweep.estimate.over_ground
+    motion = estimate.flow if known is None else known.motion
+    dynamic = np.zeros(len(motion), np.bool_) if known is None else known.dynamic
+    return motion_colors(motion / np.float32(sweep.triplet.interval_s or USUAL_INTERVAL_S), dynamic)
+
+
+def _truth_colors(sweep: EstimatedSweep) -> Colors:
+    example = sweep.example
+    velocity = np.zeros_like(sweep.estimate.flow)
+    moves: NDArray[np.bool_] = np.zeros(len(velocity), np.bool_)
+    if (truth := example.truth) is not None and truth.valid.any():
+        moves = truth.dynamic & truth.valid
+        rows = np.flatnonzero(truth.valid)
+        motion, _ = true_motion(example, truth, rows)
+        velocity[rows] = motion.velocity
+        velocity[~moves] = 0.0
+    return motion_colors(velocity, moves)
+
+
+def _colors_of_errors(sweep: EstimatedSweep) -> Colors:
+    truth, flow = sweep.example.truth, sweep.estimate.flow
+    if truth is None:
+        return error_colors(flow[:, 0], np.zeros(len(flow), np.bool_))
+    return error_colors(np.linalg.norm(flow - truth.flow, axis=1), truth.valid)
+
+
+_COLORS: Final = {
+    "estimate": _estimate_colors,
+    "truth": _truth_colors,
+    "error": _colors_of_errors,
+}
+LAYERS: Final = tuple(_COLORS)

@@ -82,11 +82,9 @@ class NodeView:
         server.tell("title", text=self._name)
 
     def __enter__(self: Self) -> Self:
-        """Returns itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leaves the ROS graph."""
         self._ros.__exit__(*error)
 
     def run(self) -> None:

@@ -61,7 +61,6 @@ class PageServer:
     """
 
     def __init__(self, max_viewers: int = MAX_VIEWERS) -> None:
-        """Does not listen yet."""
         self.commands: Queue[dict[str, Any]] = Queue(_MAX_COMMANDS)
         self._max_viewers = max_viewers
         self._files = _page_files()

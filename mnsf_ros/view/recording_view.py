@@ -21,9 +21,14 @@ from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.commands import Asked, are_usual
-from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
+from mnsf_ros.view.estimated_sweeps import (
+    LAYERS,
+    EstimatedSweep,
+    estimated_sweeps,
+    pose_and_objects,
+    scene_of,
+)
 from mnsf_ros.view.knobs import knobs
-from mnsf_ros.view.layers import LAYERS, pose_and_objects, scene_of
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.scene_message import Paths, Trails, scene_message
 

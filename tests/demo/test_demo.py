@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The demo with a small simulated street: the real node over real DDS."""
 
+import csv
 import os
 import re
 import subprocess
@@ -58,6 +59,18 @@ def test_demo_shows_records_and_draws_the_flow(street: Path, tmp_path: Path) -> 
         assert {"x", "y", "z", "intensity", "ring", "flow_x", "flow_y", "flow_z", "rgb"} <= names
         assert reader.topics["/scene_flow/objects/markers"].count > 0
         assert reader.topics["/diagnostics"].count > 0
+
+
+@pytest.mark.slow
+def test_every_vehicle_of_the_street_that_the_demo_simulates_is_found(
+    make_street, tmp_path: Path
+) -> None:
+    """Once, a crossing car of 600 points was lost for two seconds."""
+    street = make_street(seed=0, duration_s=6.0, num_beams=64, num_columns=1900)
+    out = str(tmp_path / "out")
+    assert run(["evaluate", str(street), "--methods=online", "--pictures=0", "--out", out]) == 0
+    with (tmp_path / "out" / "results.csv").open() as file:
+        assert float(next(csv.DictReader(file))["fast_found"]) > 0.98
 
 
 def clouds(path: Path, topic: str) -> dict[int, object]:

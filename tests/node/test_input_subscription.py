@@ -13,8 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.cloud_topics import only_cloud_topic
-from mnsf_ros.node.raw_topics import RawTopics
+from mnsf_ros.node.raw_topics import RawTopics, only_cloud_topic
 from mnsf_ros.node.subscriptions import InputSubscription
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 

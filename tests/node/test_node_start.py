@@ -9,11 +9,9 @@ import sys
 
 import numpy as np
 import pytest
-from moving_boxes import MOTION
 from node_harness import PATIENCE_S, QUICK
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Float64
-from synthetic_clouds import flow_columns
 
 # Arguments of ROS, and a part of the one line of answer.
 _UNUSABLE = {
@@ -125,11 +123,6 @@ class TestNodeWithNamesAndParameters:
         assert standing.qos_profile.reliability == ReliabilityPolicy.RELIABLE
         assert peer.get("qos_overrides./lidar/points.subscription.depth") == 2
         assert peer.values("input")["reliability"] == "best_effort"
-
-    def test_gives_flow_without_a_clock(self, peer, drive):
-        assert peer.get("use_sim_time") is True
-        flow = flow_columns(peer.flow_amid(drive.sweeps(0, 1, 2)))
-        assert np.median(np.linalg.norm(flow - MOTION, axis=1)) < 0.1
 
     def test_publishes_its_times(self, peer, drive):
         heard = {name: [] for name in self.DEBUG_TOPICS}

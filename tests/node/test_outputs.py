@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 from moving_boxes import surfaces
 from node_harness import Spinner
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2, PointField
-from synthetic_clouds import column, over_ground, tracked, xyz_columns, xyz_message
+from synthetic_clouds import (
+    ADDED_FIELDS,
+    cloud_message,
+    column,
+    over_ground,
+    tracked,
+    xyz_message,
+)
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -16,7 +24,7 @@ from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import OutputSettings, Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-from mnsf_ros.sweeps_io.flow_cloud import renamed_fields, sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import flow_cloud, renamed_fields, sweep_from_message
 from msg_utils.point_cloud2 import decode_points
 
 NUM_POINTS = 600
@@ -98,8 +106,7 @@ def triplet():
     return SweepTriplet(*(sweep_from_message(message, Settings().time, 0) for message in messages))
 
 
-def made_estimate(*objects, has_tracks=False):
-    number = NUM_POINTS - 1
+def made_estimate(number=NUM_POINTS - 1, objects=(), *, has_tracks=False):
     known = over_ground(
         motion=np.arange(3 * number, dtype=np.float32).reshape(-1, 3),
         dynamic=np.arange(number) % 10 == 0,
@@ -158,22 +165,32 @@ def test_layouts(clouds):
     assert compact.header == full.header
     for name in COMPACT_NAMES:
         np.testing.assert_array_equal(column(compact, name), column(full, name))
-    assert np.isnan(xyz_columns(compact)[4]).all()
+    is_without = np.arange(NUM_POINTS) == 4
+    for name in ("x", "flow_x", "vx", "confidence"):
+        np.testing.assert_array_equal(np.isnan(column(full, name)), is_without)
+    assert not column(full, "dynamic")[4]
     assert [field.name for field in full.fields][:-1] == [f.name for f in colorless.fields]
     assert (full.fields[-1].name, full.fields[-1].datatype) == ("rgb", PointField.FLOAT32)
 
 
 def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
-    cloud = triplet().current.source.message
-    cloud.fields[-1].name = "rgb"
-    assert renamed_fields(cloud, FULL_LAYOUT) == {"rgb": "sensor_rgb"}
-    assert renamed_fields(cloud, COLORLESS) == renamed_fields(cloud, COMPACT) == {}
+    columns = dict(zip("xyz", surfaces(0, NUM_POINTS).T.copy(), strict=True))
+    columns |= {name: np.full(NUM_POINTS, 99.0, np.float32) for name in ADDED_FIELDS}
+    message = cloud_message(columns, stamp_ns=10**9)
+    sweep = sweep_from_message(message, Settings().time, 0)
+    raw = flow_cloud(sweep, made_estimate(NUM_POINTS), 0.1, FULL_LAYOUT)
+    flow = deserialize_message(raw, PointCloud2)
+    names = [f"sensor_{name}" for name in ADDED_FIELDS]
+    assert [field.name for field in flow.fields] == ["x", "y", "z", *names, *ADDED_FIELDS]
+    assert all((column(flow, name) == 99.0).all() for name in names)
+    assert "rgb" not in renamed_fields(message, COLORLESS)
+    assert renamed_fields(message, COMPACT) == {}
 
 
 def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):
     clouds.hear(OBJECTS, MARKERS)
     cloud, markers = clouds.publish(
-        OBJECTS, MARKERS, estimate=made_estimate(tracked(5), has_tracks=True)
+        OBJECTS, MARKERS, estimate=made_estimate(objects=[tracked(5)], has_tracks=True)
     )
     header = triplet().current.source.message.header
     assert cloud.header == header

@@ -29,7 +29,7 @@ def make_estimate():
 
 
 class TestSnapshot:
-    def test_is_a_copy(self):
+    def test_does_not_change(self):
         statistics = OnlineStatistics()
         statistics.count("flows_out")
         before = statistics.snapshot()
@@ -40,7 +40,6 @@ class TestSnapshot:
         assert before.counts == {"flows_out": 1}
         assert before.recent == before.arrivals_s == ()
         assert (before.last_failure, before.failures_in_a_row) == ("", 0)
-        before.counts["flows_out"] = 100
         assert statistics.snapshot().counts["flows_out"] == 2
 
     def test_only_recent_estimates_and_arrivals_are_kept(self):

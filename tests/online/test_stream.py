@@ -130,21 +130,6 @@ class TestStretch:
         assert push(short, 3) == [Start.WARM]
 
 
-@pytest.mark.parametrize(
-    ("late", "expected"),
-    [
-        (2, Arrival.DUPLICATE),
-        (1.5, Arrival.OUT_OF_ORDER),
-        (7.5, Arrival.GAP),
-        (-8, Arrival.TIME_WENT_BACK),
-    ],
-)
-def test_arrival_of_a_sweep_that_does_not_continue(short, push, make_sweep, late, expected):
-    push(short, 0, 1, 2)
-    assert short.add(make_sweep(late)) is expected
-    assert short.triplet is None
-
-
 def test_a_sweep_that_is_refused_leaves_the_stream_as_it_was(short, push):
     assert push(short, 0, 1, 2, 1.5, 2, 3)[3:] == [None, None, Start.WARM]
 
