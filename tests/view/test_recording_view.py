@@ -165,7 +165,9 @@ def test_a_parameter_holds_for_the_sweep_that_is_shown(viewing) -> None:
     assert not viewer.newest["knobs"]["changed"]
     viewer.send(do="set", name="crop.max_range_m", value=15.0)
     viewer.until(lambda: viewer.sees(1.0) and viewer.newest["scene"]["objects"] != usual["objects"])
-    assert all(np.hypot(*item["center"][:2]) < 18 for item in viewer.newest["scene"]["objects"])
+    # One that was seen may have gone on without points.
+    seen = [item for item in viewer.newest["scene"]["objects"] if item["points"]]
+    assert all(np.hypot(*item["center"][:2]) < 18 for item in seen)
 
 
 def test_settings_without_any_flow_are_told_and_can_be_taken_back(viewing) -> None:
