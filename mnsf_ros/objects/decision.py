@@ -43,7 +43,7 @@ _SAME_MOTION_SHARE: Final = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """Shares of K objects that are in free space of other sweeps.
+    """Shares of K objects that are in free space of other sweeps, or hidden in them.
 
     A place that was seen through is evidence of motion. A place that was hidden, or beside the
     beams, is none: there a static object leaves a residual, too.
@@ -53,10 +53,13 @@ class Visibility:
             static, summed over the sweeps, less the same if it moves.
         free_past: (K, S) share of its points that are in free space of each of S older sweeps if
             it is static.
+        hidden: (K,) share of its points that are hidden in a sweep if it is static, mean over the
+            sweeps.
     """
 
     free: NDArray[np.float64]
     free_past: NDArray[np.float64]
+    hidden: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -65,12 +68,15 @@ class Visibility:
         """Returns the visibility in the targets of K objects with motions (K, 3), metres."""
         free = np.zeros(len(objects))
         free_past = np.zeros((len(objects), len(targets.past)))
-        for number, target in enumerate((*targets.past, *targets.near)):
-            is_free = target.free_shares(objects, np.zeros_like(motions))
-            free += is_free - target.free_shares(objects, motions)
+        hidden = np.zeros(len(objects))
+        sweeps = (*targets.past, *targets.near)
+        for number, target in enumerate(sweeps):
+            is_free, is_hidden = target.seen(objects, np.zeros_like(motions))
+            free += is_free - target.seen(objects, motions)[0]
+            hidden += is_hidden / len(sweeps)
             if number < len(targets.past):
                 free_past[:, number] = is_free
-        return cls(free, free_past)
+        return cls(free, free_past, hidden)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +176,9 @@ def _log_share(
 _MIN_MOTION_M: Final = 0.02
 # A motion this much longer than the margin of free space leaves some behind it.
 _CLEARLY: Final = 1.25
-# Less than this share of its points in free space is none.
+# Less than this share of its points in free space is none; nobody could see what is hidden mostly.
 _MIN_FREE: Final = 0.1
+_MAX_HIDDEN: Final = 0.5
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
 
@@ -182,7 +189,7 @@ def are_beams(
     """Returns the mask (K,) of what goes along with the sensor and was never seen through.
 
     Along a wall, a kerb or a ceiling the traces of the beams go along with the sensor. Of a vehicle
-    that does so the place was, or will be, seen to be empty.
+    that does so the place was, or will be, seen to be empty, unless something else hid it.
 
     Args:
         objects: K objects.
@@ -196,7 +203,9 @@ def are_beams(
     goes_along = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
     # A shorter way may not show.
     is_far = lengths > _CLEARLY * margin_m(np.sqrt((objects.centers**2).sum(axis=1)))
-    beams: NDArray[np.bool_] = goes_along & is_far & (seen.free < _MIN_FREE)
+    beams: NDArray[np.bool_] = (
+        goes_along & is_far & (seen.free < _MIN_FREE) & (seen.hidden < _MAX_HIDDEN)
+    )
     return beams
 
 

@@ -100,19 +100,21 @@ class Target:
         is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
 
-    def free_shares(
+    def seen(
         self, objects: ObjectPoints, motions: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
-        """Returns (K,) shares of each object's points that are in free space of the sweep.
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Returns (K,) shares of each object's points in free space of the sweep, and hidden in it.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
         moved = objects.positions + self.shifts(objects, motions)[objects.owners]
-        is_free, _ = self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
-        shares: NDArray[np.float64] = objects.sums(is_free.astype(np.int64)) / objects.counts
-        return shares
+        free, hidden = (
+            objects.sums(mask.astype(np.int64)) / objects.counts
+            for mask in self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
+        )
+        return free, hidden
 
     def residuals(
         self,
