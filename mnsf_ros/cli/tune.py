@@ -61,7 +61,6 @@ def run_tune(options: argparse.Namespace) -> None:
     except KeyboardInterrupt:
         console.say(f"{options.out}: {RESUME}", soft_wrap=True)
         raise
-    console.print(outcome.table)
     for line in (*outcome.changes, outcome.verdict):
         console.say(line)
     if path := outcome.write_parameters(options.out, shlex.join(["mnsf", *sys.argv[1:]])):

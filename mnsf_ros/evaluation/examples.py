@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +21,12 @@ from mnsf_ros.evaluation.tracks import (
     truth_clouds,
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.rigid_motion import residual_flow
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
-
-# Half of the static points are off by more where odometry and truth contradict each other.
-_MAX_CONTRADICTION_M: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +165,7 @@ class ExampleBuilder:
         if triplet is None:
             return None
         triplet = replace(triplet, next_from_current=_motion(triplet.current, sweep))
-        example = Example(sweep.source.recording, current[0], triplet, truth=current[1])
-        self._findings.count(Event.ODOMETRY_CONTRADICTS, int(_is_contradicted(example)))
-        return example
+        return Example(sweep.source.recording, current[0], triplet, truth=current[1])
 
     def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
         if self._truth is None:
@@ -202,16 +195,3 @@ def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
         return None
     motion: NDArray[np.float64] = np.linalg.inv(following.odometry) @ current.odometry
     return motion
-
-
-def _is_contradicted(example: Example) -> bool:
-    """Whether the odometry of an example contradicts the truth of its static points."""
-    truth, motion = example.truth, example.triplet.next_from_current
-    if truth is None or motion is None:
-        return False
-    static = truth.valid & ~truth.dynamic & example.scored
-    if not static.any():
-        return False
-    xyz = example.triplet.current.xyz[static]
-    off_m = np.linalg.norm(residual_flow(xyz, truth.flow[static], motion), axis=1)
-    return float(np.median(off_m)) > _MAX_CONTRADICTION_M

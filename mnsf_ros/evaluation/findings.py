@@ -41,10 +41,6 @@ class Event(Enum):
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
         "sensor_yaw_deg to where the sensor is mounted"
     )
-    ODOMETRY_CONTRADICTS = (
-        "sweeps whose odometry contradicts the truth of static points; methods that use odometry "
-        "(ego) are wrong there"
-    )
 
 
 # Arrivals at the sweep buffer that are counted.

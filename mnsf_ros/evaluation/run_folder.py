@@ -29,7 +29,7 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import Picture, save_picture
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.task import TaskEvent
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
@@ -137,10 +137,7 @@ class RunFolder:
         file = self.path / RUN_FILE
         if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
-        record = from_json(_text_of(file), RunRecord, str(file))
-        if record.format != FORMAT:
-            raise EvaluationError(f"{file}: was written by another version of mnsf_ros")
-        return record
+        return from_json(_text_of(file), RunRecord, str(file))
 
 
 def check_folder(out: Path, *, resume: bool) -> None:

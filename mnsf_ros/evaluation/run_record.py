@@ -21,8 +21,6 @@ from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, Evalu
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.presets import UsedSettings, used_settings
 
-# Layout of the files of a run.
-FORMAT: Final = 5
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
@@ -60,14 +58,12 @@ class RunRecord:
         methods: Its methods, in the order of the tables.
         recordings: Its recordings.
         sessions: Facts of its starts, at least one, see `session_now`.
-        format: Layout of the files.
     """
 
     options: EvaluationOptions
     methods: list[EvaluatedMethod]
     recordings: list[EvaluatedRecording]
     sessions: list[Session]
-    format: int = FORMAT
 
     @property
     def method_names(self) -> list[str]:

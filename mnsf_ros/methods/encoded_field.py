@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.rigid_motion import transformed
+from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import TRUNCATION_M, Target
 
@@ -58,14 +59,10 @@ class EncodedPoints:
         self._encoding = encoded(objects.positions - centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
-    def flow(self, heads: Heads) -> NDArray[np.float32]:
-        """Returns (P, 3) metres, the flow of the points."""
-        return headed(self._encoding, heads[self.objects.owners])
-
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
         """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
         objects = self.objects
-        moved = self.flow(self._steps[target][:, :, None] * heads)
+        moved = self._flow(self._steps[target][:, :, None] * heads)
         distances, _, _ = self._compared(target, moved, objects.spacing)
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
@@ -78,10 +75,10 @@ class EncodedPoints:
             target: The target sweep S.
             start: The heads to start from.
         """
-        objects, encoding = self.objects, self._encoding
+        objects = self.objects
         steps = self._steps[target][:, :, None]
         start = steps * start
-        begin = flow = self.flow(start)
+        begin = flow = self._flow(start)
         places = transformed(objects.positions + begin, target.from_current)
         _, is_hidden = target.sweep.view.free_and_hidden(places)
         visible = np.where(is_hidden, _HIDDEN_WEIGHT, 1.0)
@@ -90,14 +87,17 @@ class EncodedPoints:
         for _ in range(_NUM_STEPS):
             distances, vectors, counts = self._compared(target, flow, exactly)
             weights = np.where(counts > 0, visible / (1 + (distances / half_m) ** 2), 0.0)
-            wanted = vectors @ target.from_current[:3, :3] + flow - begin
-            weighted = weights[:, None] * encoding
-            # Of the normal equations, the left sides and the right sides.
-            sides = weighted[:, :, None] * np.concatenate([encoding, wanted], axis=1)[:, None]
-            left, right = np.split(objects.sums(sides), 2, axis=2)
+            wanted = turned(vectors, target.from_current[:3, :3].T) + flow - begin
+            left, right = _normal_equations(
+                self._encoding, objects.owners, weights, wanted, len(objects)
+            )
             heads = start + np.linalg.solve(left + _PRIOR, right)
-            flow = self.flow(heads)
+            flow = self._flow(heads)
         return np.asarray(heads / steps, np.float64)
+
+    def _flow(self, heads: Heads) -> NDArray[np.float32]:
+        """Returns (P, 3) metres, the flow of the points."""
+        return headed(self._encoding, self.objects.owners, heads)
 
     def _compared(
         self, target: Target, moved: NDArray[np.float32], within_m: NDArray[np.float32]
@@ -111,11 +111,51 @@ class EncodedPoints:
 
 def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
     """Returns (P, 3) the encodings of points at offsets (P, 3) from their middle, metres."""
-    ones = np.ones((len(offsets), 1))
-    return np.concatenate([ones, offsets[:, :2] / _OFFSET_M], axis=1)
+    encoding = np.ones((len(offsets), 3))
+    encoding[:, 1:] = offsets[:, :2] / _OFFSET_M
+    return encoding
 
 
-def headed(encoding: NDArray[np.float64], heads: Heads) -> NDArray[np.float32]:
-    """Returns (P, 3) metres, what a head (P, 3, 3) each makes of encodings (P, 3)."""
-    flow: NDArray[np.float64] = np.einsum("pf,pfc->pc", encoding, heads)
-    return flow.astype(np.float32)
+@compiled("float32[:, ::1](float64[:, ::1], int64[::1], float64[:, :, ::1])")
+def headed(
+    encoding: NDArray[np.float64], owners: NDArray[np.int64], heads: Heads
+) -> NDArray[np.float32]:
+    """Returns (P, 3) metres, what the heads of their owners (P,) make of encodings (P, 3)."""
+    flow = np.empty((len(encoding), 3), np.float32)
+    for row in range(len(encoding)):
+        one, ahead, aside = encoding[row]
+        head = heads[owners[row]]
+        for axis in range(3):
+            flow[row, axis] = one * head[0, axis] + ahead * head[1, axis] + aside * head[2, axis]
+    return flow
+
+
+@compiled(
+    "UniTuple(float64[:, :, ::1], 2)"
+    "(float64[:, ::1], int64[::1], float64[::1], float64[:, ::1], int64)"
+)
+def _normal_equations(
+    encoding: NDArray[np.float64],
+    owners: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    wanted: NDArray[np.float64],
+    number: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the left and the right sides, (number, 3, 3) each, of weighted least squares.
+
+    Args:
+        encoding: (P, 3) of the points.
+        owners: (P,) their objects.
+        weights: (P,) how much each counts.
+        wanted: (P, 3) metres, the flow that they should get.
+        number: How many objects there are.
+    """
+    left, right = np.zeros((number, 3, 3)), np.zeros((number, 3, 3))
+    for row in range(len(encoding)):
+        owner = owners[row]
+        for feature in range(3):
+            weighted = weights[row] * encoding[row, feature]
+            for column in range(3):
+                left[owner, feature, column] += weighted * encoding[row, column]
+                right[owner, feature, column] += weighted * wanted[row, column]
+    return left, right

@@ -115,10 +115,10 @@ class NeuralEstimator(ObjectFlowEstimator):
         nearest = PointGrid(movers.positions).nearest(xyz, _REACH_M)
         is_near = nearest >= 0
         owners = movers.owners[nearest[is_near]]
-        heads = moving.heads[decision.is_moving][owners]
+        heads = moving.heads[decision.is_moving]
         heads[:, 0] = 0
         spread.motion[rows[is_near]] += headed(
-            encoded(xyz[is_near] - movers.centers[owners]), heads
+            encoded(xyz[is_near] - movers.centers[owners]), owners, heads
         )
         return spread
 

@@ -122,7 +122,7 @@ def _in_buckets(
 
 @compiled(
     "Tuple((int64, float32))"
-    "(int64, float32, float32, float32, int64, float32, int32[::1], float32[:, ::1])"
+    "(int64, float32, float32, float32, int64, float32, float32, int32[::1], float32[:, ::1])"
 )
 def _nearer(
     bucket: int,
@@ -131,10 +131,14 @@ def _nearer(
     z: np.float32,
     row: int,
     least: np.float32,
+    enough: np.float32,
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> tuple[int, np.float32]:
-    """The row of the nearest point in a bucket and its squared distance, if that is below least."""
+    """The row of the nearest point in a bucket and its squared distance, if that is below least.
+
+    The first one that is near enough ends the search.
+    """
     number = np.uint64(bucket & (len(starts) - 2))
     # Without a sign, an index is not looked at whether it counts from the end.
     for other in range(np.uint32(starts[number]), np.uint32(starts[number + np.uint64(1)])):
@@ -142,6 +146,8 @@ def _nearer(
         squared = dx * dx + dy * dy + dz * dz
         if squared < least:
             row, least = int(other), squared
+            if least <= enough:
+                break
     return row, least
 
 
@@ -178,11 +184,11 @@ def _nearest(
             if beside >= least:
                 continue
             bucket = ((ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG) + iz
-            row, least = _nearer(bucket, px, py, pz, row, least, starts, points)
+            row, least = _nearer(bucket, px, py, pz, row, least, enough, starts, points)
             if beside + below < least and least > enough:
-                row, least = _nearer(bucket - 1, px, py, pz, row, least, starts, points)
+                row, least = _nearer(bucket - 1, px, py, pz, row, least, enough, starts, points)
             if beside + above < least and least > enough:
-                row, least = _nearer(bucket + 1, px, py, pz, row, least, starts, points)
+                row, least = _nearer(bucket + 1, px, py, pz, row, least, enough, starts, points)
             if least <= enough:
                 return row, least
     return row, least

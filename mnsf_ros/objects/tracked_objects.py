@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -53,52 +52,58 @@ def tracked_objects(
     if not told:
         return ()
     velocities = turned(np.stack([track.velocity for track in told]), turn.T)
-    objects = (
+    covariances = np.kron(np.stack([track.covariance for track in told]), np.eye(3))
+    places = _at_stamp(*_boxes(parts, velocities), velocities, seen_of, current)
+    return tuple(
         TrackedObject(
             track_id=track.track_id,
             center=center,
             size=size,
             yaw=float(yaw),
             velocity=velocity,
-            covariance=np.kron(track.covariance, np.eye(3)),
+            covariance=covariance,
             age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
             num_points=len(seen),
         )
-        for track, seen, velocity, center, size, yaw in zip(
-            told, seen_of, velocities, *_boxes(parts, velocities), strict=True
+        for track, seen, covariance, center, size, yaw, velocity in zip(
+            told, seen_of, covariances, *places, strict=True
         )
     )
-    return _at_stamp(objects, seen_of, current)
 
 
 def _at_stamp(
-    objects: Iterable[TrackedObject], seen: Sequence[NDArray[np.int64]], current: ObjectSweep
-) -> tuple[TrackedObject, ...]:
-    """Returns objects where they are at the stamp, in the frame of the sensor then.
+    centers: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    yaws: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+    seen: Sequence[NDArray[np.int64]],
+    current: ObjectSweep,
+) -> tuple[NDArray[np.float64], ...]:
+    """Returns K boxes where they are at the stamp, in the frame of the sensor then.
 
     Args:
-        objects: Where they were when they were measured, in the frame of the moment of the sweep.
+        centers: (K, 3) metres, when they were measured, in the frame of the moment of the sweep.
+        sizes: (K, 3) metres.
+        yaws: (K,) radians.
+        velocities: (K, 3) metres per second.
         seen: The points that show each of them; none if it is hidden.
         current: The sweep.
+
+    Returns:
+        Centers, sizes, yaws and velocities.
     """
     motion, times_s = current.pose.motion, current.sweep.times_s
     if motion is None or times_s is None:
-        return tuple(objects)
-    stamp_from_moment = np.linalg.inv(motion.moment_from_stamp)
+        return centers, sizes, yaws, velocities
+    stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
     turn, place = stamp_from_moment[:3, :3], stamp_from_moment[:3, 3]
-    moved = []
-    for found, points in zip(objects, seen, strict=True):
-        own_s = float(times_s[points].mean()) if len(points) else motion.moment_s
-        ahead = turn @ (np.cos(found.yaw), np.sin(found.yaw), 0.0)
-        moved.append(
-            replace(
-                found,
-                center=turn @ (found.center - own_s * found.velocity) + place,
-                yaw=float(np.arctan2(ahead[1], ahead[0])),
-                velocity=turn @ found.velocity,
-            )
-        )
-    return tuple(moved)
+    measured_s = np.array(
+        [times_s[points].mean() if len(points) else motion.moment_s for points in seen]
+    )
+    at_stamp = turned(centers - measured_s[:, None] * velocities, turn) + place
+    headings = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], axis=1)
+    x, y, _ = turned(headings, turn).T
+    return at_stamp, sizes, np.arctan2(y, x), turned(velocities, turn)
 
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:

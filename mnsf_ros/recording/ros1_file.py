@@ -59,8 +59,6 @@ class Ros1File:
                         continue
                     count += 1
                     try:
-                        if found.topic != topic:
-                            raise ValueError(f"the index leads to one on {found.topic!r}")
                         yield received_ns, _cdr(raw, found.msgtype, bag.typestore)
                     except UNREADABLE as error:
                         text = f"message {count} on {topic!r} cannot be read"

@@ -23,7 +23,7 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
-from mnsf_ros.tuning.judges import Half, Judgement
+from mnsf_ros.tuning.judges import Half
 
 _LATER_S: Final = (0.2, 0.45)
 _WANTED_S: Final = 0.3
@@ -99,16 +99,11 @@ class ConsistencyJudge:
         limits = _NOISE_M + _SPACING * np.concatenate([*ranges, np.zeros(0)])
         self._is_open = static > limits
 
-    def __call__(self, settings: Settings) -> Judgement:
-        """Estimates all examples and measures their landing errors."""
+    def __call__(self, settings: Settings) -> float:
+        """Returns the mean landing error of both kinds of points, metres, after all estimates."""
         errors = self._errors(settings)
-        parts = [
-            float(errors[mask].mean()) if mask.any() else 0.0
-            for mask in (self._is_open, ~self._is_open)
-        ]
-        names = ("points that a static world does not explain (m)", "all other points (m)")
-        cost = sum(parts) / len(parts)
-        return Judgement(cost, {self.goal: cost, **dict(zip(names, parts, strict=True))})
+        kinds = (errors[self._is_open], errors[~self._is_open])
+        return sum(float(part.mean()) if len(part) else 0.0 for part in kinds) / len(kinds)
 
     def _errors(self, settings: Settings, *, are_static: bool = False) -> NDArray[np.float64]:
         parts: list[NDArray[np.float64]] = [np.zeros(0)]

@@ -6,7 +6,6 @@ Optuna's journal of trials is the state from which a search is resumed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,11 +16,10 @@ from typing import TYPE_CHECKING, Final
 from mnsf_ros.errors import EvaluationError, SettingsError, library_missing, one_line
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import Setting, SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.settings_documents import settings_yaml
-from mnsf_ros.tuning.judges import Judgement, LabelledJudge, read_halves
+from mnsf_ros.tuning.judges import LabelledJudge, read_halves
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
 
 if TYPE_CHECKING:
@@ -85,28 +83,16 @@ class Outcome:
         goal: Name and unit of the cost.
         num_trials: Number of trials.
         changed: Full name to the new value of each changed parameter.
-        tuned: Judgements on the half that was tuned, before and after.
+        tuned: Costs on the half that was tuned, before and after.
         held_out: The same on the other half.
     """
 
     start: Settings
     goal: str
     num_trials: int
-    changed: dict[str, SettingValue]
-    tuned: tuple[Judgement, Judgement]
-    held_out: tuple[Judgement, Judgement]
-
-    @property
-    def table(self) -> TextTable:
-        """All figures, before and after, on both halves."""
-        halves = (*self.tuned, *self.held_out)
-        names = dict.fromkeys(name for one in halves for name in one.figures)
-        rows = [
-            (name, *(format_number(one.figures.get(name, math.nan), 4) for one in halves))
-            for name in names
-        ]
-        header = ("figure", "tuned half, before", "after", "other half, before", "after")
-        return TextTable(header, rows, "Before and after")
+    changed: Values
+    tuned: tuple[float, float]
+    held_out: tuple[float, float]
 
     @property
     def changes(self) -> list[str]:
@@ -122,8 +108,9 @@ class Outcome:
                 f"No change of a parameter gains anything in {self.num_trials} trials: keep the "
                 "settings as they are; no parameter file is written."
             )
-        before, after = (judgement.cost for judgement in self.held_out)
-        words = f"{self.goal} of the half that was not tuned: {before:.4f} -> {after:.4f}"
+        words = f"{self.goal} of the tuned half: {self.tuned[0]:.4f} -> {self.tuned[1]:.4f}"
+        before, after = self.held_out
+        words += f"; of the half that was not tuned: {before:.4f} -> {after:.4f}"
         if after >= before:
             return f"{words}. Not better: keep the settings as they are."
         return f"{words}, {1 - after / before:.1%} less."
@@ -178,13 +165,11 @@ def tune(
     )
 
     before = {name: start.value_of(name) for name in names}
-    best = _best_values(
-        study, before, options.trials, watch, lambda v: tuned(start.changed(v)).cost
-    )
+    best = _best_values(study, before, options.trials, watch, lambda v: tuned(start.changed(v)))
     changed = {name: value for name, value in best.items() if value != before[name]}
     numbers, num_in_all = count(), 4 + len(changed)
 
-    def judged(judge: Callable[[Settings], Judgement], values: Values) -> Judgement:
+    def judged(judge: Callable[[Settings], float], values: Values) -> float:
         watch("judging each change, and on the other half", next(numbers), num_in_all)
         return judge(start.changed(values))
 
@@ -206,14 +191,14 @@ def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
 
 
 def _worthwhile(
-    changed: Values, judged: Callable[[Values], Judgement]
-) -> tuple[Values, tuple[Judgement, Judgement]]:
-    """Takes back each change that gains nothing; returns the others and both judgements."""
+    changed: Values, judged: Callable[[Values], float]
+) -> tuple[Values, tuple[float, float]]:
+    """Takes back each change that gains nothing; returns the others and the costs."""
     before, after = judged({}), judged(changed)
     for name in tuple(changed):
         others = {other: value for other, value in changed.items() if other != name}
         without = judged(others)
-        if without.cost <= after.cost * (1 + _WORTH):
+        if without <= after * (1 + _WORTH):
             changed, after = others, without
     return changed, (before, after)
 

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 from functools import partial
-from pathlib import Path
 
 import pytest
 import small_evaluations as small
@@ -87,14 +86,6 @@ def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, mnsf, mon
     assert ended.status == USAGE
     assert "torch" in ended.errors[0]
     assert not (tmp_path / "other").exists()
-
-
-def test_what_must_be_mended_first_is_said_first_and_alone(tmp_path, mnsf, monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    ended = mnsf(tmp_path / "nosuch", "--out", tmp_path / "out")
-    assert ended.status == USAGE
-    assert ended.errors == [f"mnsf: {tmp_path / 'nosuch'}: no such file or folder"]
-    assert ended.out == ""
 
 
 # Names of plug-ins to their code, and to what is said of them.
@@ -206,19 +197,6 @@ def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path, mnsf):
     assert found == first + [("more", "zero")] * 2 + [("more", "ego")] * 2
     run = json.loads((out / "run.json").read_text())
     assert [len(run[name]) for name in ("recordings", "methods", "sessions")] == [2, 2, 2]
-
-
-def test_run_whose_rows_are_gone_is_unfinished_and_done_again(bag, tmp_path, mnsf, capsys):
-    out = tmp_path / "out"
-    arguments = [bag, "--methods=zero", "--out", out]
-    assert mnsf(*arguments).status == COMPLETE
-    for take_away in (Path.unlink, lambda rows: rows.write_text("")):
-        take_away(out / "rows.jsonl")
-        assert run(["report", str(out)]) == 0
-        assert "Unfinished: zero on drive" in capsys.readouterr().out
-        ended = mnsf(*arguments, "--resume")
-        assert (ended.status, len(rows_in(out))) == (COMPLETE, 4)
-        assert "mean over 4 examples" in ended.out
 
 
 def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, mnsf, monkeypatch):

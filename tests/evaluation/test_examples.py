@@ -203,38 +203,6 @@ def test_truth_that_no_sweep_fits_costs_no_example():
     }
 
 
-@pytest.mark.parametrize(("jump_m", "count"), [(0.05, 0), (0.15, 1)])
-def test_odometry_that_contradicts_the_truth_is_counted(jump_m, count):
-    findings = Findings()
-    jumped = small.pose(2)
-    jumped[1, 3] += jump_m
-    matrices = (small.pose(0), small.pose(1), jumped)
-    poses = PoseTrack(
-        StampedPose(small.stamp(index), matrix, "lidar") for index, matrix in enumerate(matrices)
-    )
-    sweeps = map(small.sweep, range(3))
-    list(examples_of(sweeps, truth_of=range(3), poses=poses, findings=findings))
-    assert findings.counts[Event.ODOMETRY_CONTRADICTS] == count
-
-
-@pytest.mark.parametrize(("num_dynamic", "count"), [(58, 0), (10, 1)])
-def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
-    """Of 60 points 48 are half a metre off: only if they are said to stand, odometry is wrong."""
-    findings = Findings()
-    truth = small.truth(1)
-    truth.flow[:48, 1] = 0.5
-    truth = replace(truth, dynamic=np.arange(60) < num_dynamic, ground=np.zeros(60, bool))
-    clouds = [truth_cloud(0), truth_cloud(1, truth), truth_cloud(2)]
-    builder = ExampleBuilder(
-        options_of(),
-        findings,
-        truth=TruthTrack(clouds, findings, "drive"),
-        poses=poses_of(range(3)),
-    )
-    assert len(list(builder.examples(map(small.sweep, range(3))))) == 1
-    assert findings.counts[Event.ODOMETRY_CONTRADICTS] == count
-
-
 def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     """Odometry tells of a curve that the points know nothing of: they cannot have told it."""
     monkeypatch.setattr(small, "pose", lambda index: pose(0.4 * index, yaw_deg=3.0 * index))

@@ -95,15 +95,6 @@ def test_a_busy_method_gets_the_newest_when_it_is_done(
     assert dict(played(arrivals_ms, [times_ms] * 8, rate)) == outcomes
 
 
-def test_every_example_has_one_outcome(played):
-    random = np.random.default_rng(0)
-    arrivals = np.cumsum(random.uniform(50, 150, 200))
-    outcomes = played(arrivals, random.uniform(20, 400, 200))
-    assert sorted(number for number, _ in outcomes) == list(range(200))
-    dropped = sum(latency is None for _, latency in outcomes)
-    assert 0 < dropped < 200
-
-
 def test_preparation_overlaps_with_the_estimate_before_it(played):
     """Together they take longer than the interval, each for itself does not."""
     outcomes = played(range(0, 1000, 100), [90] * 10, prepare_ms=80)

@@ -221,14 +221,6 @@ def test_damaged_file_is_named(tmp_path, recording, name, text):
     assert "\n" not in str(caught.value)
 
 
-def test_run_of_another_version_is_refused(tmp_path, recording):
-    folder = done_run(tmp_path / "out", recording)
-    run = json.loads((folder.path / "run.json").read_text())
-    (folder.path / "run.json").write_text(json.dumps(run | {"format": 1}))
-    with pytest.raises(EvaluationError, match="another version of mnsf_ros"):
-        folder.read_record()
-
-
 def test_file_that_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
     file = tmp_path / "file"
     replace_file(file, ["old"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import small_evaluations as small
 
@@ -79,16 +78,6 @@ def test_real_time_drops_what_comes_too_fast(bag):
     assert all(row.latency_ms >= row.time_ms for row in rows if not row.failure)
     # The points that count are those of a run without real time.
     assert {row.num_points for row in rows} == {54}
-
-
-def test_predictions_of_another_program_are_scored(bag, tmp_path):
-    for index in range(7):
-        np.savez(tmp_path / f"{small.stamp(index)}.npz", flow=small.truth(index).flow)
-    (tmp_path / f"{small.stamp(2)}.npz").unlink()
-    rows = rows_of(small.task_at(bag, f"file:{tmp_path}"), small.options(num_points=20))
-    assert [bool(row.failure) for row in rows] == [False, True, False, False, False]
-    assert [row.errors["all"].epe_m for row in rows if not row.failure] == [0.0] * 4
-    assert all(np.isnan(row.time_ms) for row in rows)
 
 
 def test_rows_of_the_online_method_say_whether_it_was_warm(bag):

@@ -184,21 +184,6 @@ def test_damage_of_odometry_says_which_message(tmp_path):
     assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]
 
 
-def test_quaternion_that_is_a_little_off_is_normalised_as_live(tmp_path):
-    typestore, kind = get_typestore(Stores.ROS2_JAZZY), "nav_msgs/msg/Odometry"
-    message = odometry_message(small.pose(0), small.stamp(0), "odom", "lidar")
-    for axis in "xyzw":
-        value = getattr(message.pose.pose.orientation, axis)
-        setattr(message.pose.pose.orientation, axis, 1.002 * value)
-    with BagWriter(tmp_path / "drive") as writer:
-        writer.write_raw("/odometry", kind, small.stamp(0), typestore.serialize_cdr(message, kind))
-    findings = Findings()
-    with BagReader(tmp_path / "drive") as reader:
-        (found,) = recorded_poses(reader, "/odometry", findings)
-    np.testing.assert_allclose(found.world_from_frame, small.pose(0), atol=1e-9)
-    assert not findings.damages
-
-
 def test_sweeps_have_the_times_of_their_points(tmp_path):
     """Read by the same code as in the node; those that cannot be are told."""
     rows = np.arange(60)

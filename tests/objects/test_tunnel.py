@@ -39,7 +39,7 @@ def tunnel_sweep(index, rays):
 @pytest.mark.parametrize(
     ("elevations_deg", "most"),
     # With places that count as free at a flat angle, and no rule for what goes along: 44 and 15.
-    [(np.linspace(-24.8, 2.0, 64), 8), (np.linspace(-15.0, 15.0, 16), 5)],
+    [(np.linspace(-24.8, 2.0, 64), 8), (np.linspace(-15.0, 15.0, 16), 8)],
     ids=["64 beams", "16 beams"],
 )
 def test_a_bare_tunnel_has_hardly_any_movers(elevations_deg, most):

@@ -12,8 +12,6 @@ import pytest
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
-from mnsf_ros.report.page import write_report
-from mnsf_ros.report.run_results import read_results
 from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
 from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
@@ -106,14 +104,6 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
     with pytest.raises(MnsfError, match="max_examples"):
         run_study("fusion", replace(options, resume=True, max_examples=None))
-
-
-@pytest.mark.usefixtures("without_drawing")
-def test_method_study_can_be_reported(studied):
-    folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
-    results = read_results(folder, "mnsf+fusion.num_hidden_layers=3")
-    text = write_report(folder, results, 1).read_text()
-    assert "Right: mnsf+fusion.num_hidden_layers=3." in text
 
 
 def test_without_recordings_a_street_is_simulated(options):
