@@ -51,7 +51,7 @@ def interrupted(command: str, module: str, *arguments: str) -> subprocess.Comple
     )
 
 
-@pytest.mark.parametrize("module", ["mnsf_ros.cli.main", "argparse", "mnsf_ros.cli.study"])
+@pytest.mark.parametrize("module", ["mnsf_ros.cli.main", "argparse", "mnsf_ros.cli.parameters"])
 def test_of_the_command_line_while_it_starts(module: str) -> None:
     ended = interrupted("mnsf_ros.cli.__main__", module, "parameters")
     assert (ended.returncode, ended.stdout) == (130, "")
@@ -82,7 +82,7 @@ import os, signal, time
 from mnsf_ros.cli import main, parameters
 
 def interrupted(options):{place}
-parameters._run = interrupted
+parameters.run_parameters = interrupted
 main.main(["parameters"])
 """
     (tmp_path / "interrupted.py").write_text(script)
