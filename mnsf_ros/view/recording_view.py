@@ -87,6 +87,7 @@ class RecordingView:
         self._kept: deque[_Shown] = deque(maxlen=_KEPT)
         self._place = -1  # of the shown sweep among the kept ones
         self._due_s = 0.0
+        self._interval_s = USUAL_INTERVAL_S
         self._target_s: float | None = None
         self._preview: _Preview | None = None
         self._start_at(0.0)
@@ -201,12 +202,13 @@ class RecordingView:
         if 0 <= place < len(self._kept):
             self._place = place
             self._show()
+        elif self._target_s is not None:
+            # From the sweep that is on its way.
+            self._start_at(min(max(0.0, self._target_s + by * self._interval_s), self._duration_s))
         elif by > 0:
             self._advance()
         elif self._kept:
-            position_s = self._kept[0].position_s
-            interval_s = self._kept[0].sweep.triplet.interval_s or USUAL_INTERVAL_S
-            self._start_at(max(0.0, position_s - 1.2 * interval_s))
+            self._start_at(max(0.0, self._kept[0].position_s - 1.2 * self._interval_s))
 
     def _advance(self) -> None:
         """Shows the next sweep, or estimates one before the target."""
@@ -249,9 +251,9 @@ class RecordingView:
         self._publish_player()
         self._explain()
         now_s = time.monotonic()
-        interval_s = (shown.sweep.triplet.interval_s or USUAL_INTERVAL_S) / self._speed
+        self._interval_s = shown.sweep.triplet.interval_s or USUAL_INTERVAL_S
         # Late sweeps are not caught up.
-        self._due_s = max(now_s, self._due_s + interval_s)
+        self._due_s = max(now_s, self._due_s + self._interval_s / self._speed)
 
     def _publish_scene(self, shown: _Shown) -> None:
         scene = scene_of(shown.sweep, self._layer)

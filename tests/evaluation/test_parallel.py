@@ -76,7 +76,8 @@ def test_run_of_a_killed_worker_is_resumed(bag, tmp_path, capsys, monkeypatch):
     assert said.startswith("mnsf: a worker was lost")
     assert said.count("\n") == 1
     assert said.endswith(f"repeat the command with --out {out} --resume\n")
-    number = len((out / "rows.jsonl").read_text().splitlines()) if out.exists() else 0
+    rows = out / "rows.jsonl"
+    number = len(rows.read_text().splitlines()) if rows.exists() else 0
     script.write_text("import sys, numpy as np; np.save(sys.argv[3], np.load(sys.argv[1]) * 0)")
     assert main.run(["evaluate", *map(str, arguments), "--resume"]) == 0
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
