@@ -120,8 +120,9 @@ class Browser:
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def seek(self, position_s: float) -> None:
-        self.value(f"document.querySelector('#time').value = {position_s}")
-        self.value("document.querySelector('#time').onchange()")
+        # In one: what the player tells in between would move the bar back.
+        bar = "document.querySelector('#time')"
+        self.value(f"{bar}.value = {position_s}, {bar}.onchange()")
 
     def press(self, key: str, **options: object) -> bool:
         """Presses a key in the page; whether the page has used it."""
