@@ -1,6 +1,6 @@
-# `make demo` shows the node at work, `make test` runs the tests. Each sets up
+# `make view` shows the flow of a street in a browser, `make test` runs the tests. Each sets up
 # what it needs in .venv, once.
-#   make demo BAG=path/to/recording POINTS=/points
+#   make view BAG=path/to/recording POINTS=/points
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
@@ -25,13 +25,13 @@ TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
 
-STREET := demo/street_seed0_6s
+STREET := street
 
 # What `make pins` checks the pins for; Ubuntu 22.04 has glibc 2.35.
 PYTHONS := 3.10 3.11 3.12 3.13 3.14
 WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$python
 
-.PHONY: setup complete demo view animation picture test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup complete view pictures test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -52,23 +52,16 @@ $(COMPLETE): $(READY)
 	$(INSTALL) '.[$(EXTRAS),$(ADDED)]'
 	touch $@
 
-demo: $(READY)
-	$(BIN)/mnsf demo $(if $(BAG),--bag '$(BAG)') $(if $(POINTS),--points '$(POINTS)') $(DEMO_OPTIONS)
-
-# The demo's street, or BAG, on a page for a browser.
+# A simulated street, or BAG, on a page for a browser.
 view: $(READY) $(if $(BAG),,$(STREET))
 	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') $(VIEW_OPTIONS)
 
 $(STREET): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed 0 $@
 
-# The animation in the README; half a minute of CPU.
-animation: $(READY) $(STREET)
-	$(BIN)/mnsf view $(STREET) --animation docs/street.webp
-
-# The picture of the page in the README; needs Chromium.
-picture: $(COMPLETE) $(STREET)
-	$(BIN)/python tests/view/page_picture.py $(STREET) 3.4 docs/page.webp
+# Both pictures in the README; needs Chromium.
+pictures: $(COMPLETE) $(STREET)
+	$(BIN)/python tests/view/page_pictures.py $(STREET) 3.4 docs
 
 # On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
 # after the other.

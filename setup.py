@@ -49,7 +49,7 @@ ROS_WHEELS = [
     "ros-rclpy[fastrtps]>=7.1,<8",
 ]
 
-# For `mnsf evaluate`, `report`, `study` and `demo`: rows, tables of errors, charts and the report.
+# For `mnsf evaluate`, `report` and `study`: rows, tables of errors, charts and the report.
 EVALUATION = ["cattrs>=23.2", "Jinja2>=3.1", "matplotlib>=3.6", "pandas>=2.2"]
 
 setup(

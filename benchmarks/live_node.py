@@ -4,24 +4,29 @@
 from __future__ import annotations
 
 import os
+import signal
 import struct
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from drives import INTERVAL_NS
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
-from mnsf_ros.demo.node_process import NodeProcess, node_process
-from mnsf_ros.demo.replay import ReplayLink
 from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encoding_of_columns
@@ -30,10 +35,20 @@ FLOW_TOPIC: Final = "/scene_flow/flow"
 FIRST_NS: Final = 10**18
 _START_TIMEOUT_S: Final = 120
 _SETTLE_TIMEOUT_S: Final = 60
+_STOP_TIMEOUT_S: Final = 10
+_STATUSES: Final = "diagnostic_msgs/msg/DiagnosticArray"
+# After so many messages on /diagnostics without any change nothing more is expected.
+_QUIET_STATUSES: Final = 5
 # The node counts each published cloud as one of these; the transport's losses are among the missed.
 _CLOUD_EVENTS: Final = ("sweeps_received", "clouds_undecodable", "clouds_empty", "clouds_missed")
 # In a serialized message four bytes name the encoding, then the stamp comes.
 _STAMP_AT: Final = 4
+
+
+def stamp_of(raw: bytes) -> int:
+    """Returns the stamp of a serialized cloud, nanoseconds."""
+    sec, nanosec = struct.unpack_from("<iI", raw, _STAMP_AT)
+    return int(sec * 10**9 + nanosec)
 
 
 def with_stamp(raw: bytearray, stamp_ns: int) -> bytes:
@@ -48,6 +63,129 @@ def serialized(sweep: Sweep) -> bytearray:
     columns["intensity"] = np.zeros(len(sweep), np.float32)
     encoding = encoding_of_columns(columns, 1, len(sweep))
     return bytearray(serialized_cloud(Header(frame_id="lidar"), encoding, is_dense=True))
+
+
+@dataclass
+class ReplayLog:
+    """Sweeps and flows of a replay, and the node's own figures.
+
+    Attributes:
+        published_s: Stamp of a sweep -> `time.monotonic()` of its publication, in that order.
+        arrived_s: Stamp of a sweep -> `time.monotonic()` of the arrival of its flow.
+        counts: Event -> number, as counted in the latest message on /diagnostics.
+        values: Key -> value of the latest `flow` status there.
+    """
+
+    published_s: dict[int, float] = field(default_factory=dict)
+    arrived_s: dict[int, float] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    values: dict[str, str] = field(default_factory=dict)
+
+
+class ReplayLink(RawTopics):
+    """The robot's side of a node: publishes sweeps, receives flow and diagnostics."""
+
+    def __init__(self, points_topic: str, flow_topic: str) -> None:
+        super().__init__("mnsf_replay")
+        self.log = ReplayLog()
+        self.points = self.publisher(points_topic, CLOUD_TYPE)
+        self._flow_topic, self._num_statuses = flow_topic, 0
+        self.subscribe(flow_topic, CLOUD_TYPE, self._receive_flow)
+        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether the node subscribes to the sweeps."""
+        return self.points.get_subscription_count() > 0
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the node and this process see each other; its diagnostics arrive once it does."""
+        return self.is_heard and self.num_publishers(self._flow_topic) > 0 < self._num_statuses
+
+    def publish(self, raw: bytes) -> None:
+        """Publishes a serialized cloud."""
+        published_s = time.monotonic()
+        self.points.publish(raw)
+        self.log.published_s[stamp_of(raw)] = published_s
+
+    def wait_until(self, is_done: Callable[[], bool], node: NodeProcess, timeout_s: float) -> bool:
+        """Handles messages until something is done; False if it is not done in time."""
+        deadline_s = time.monotonic() + timeout_s
+        while not is_done():
+            node.check()
+            if time.monotonic() > deadline_s:
+                return False
+            self.spin_for(0.1)
+        return True
+
+    def settle(self, node: NodeProcess, timeout_s: float) -> None:
+        """Waits until the node is idle, and some messages on /diagnostics tell nothing new."""
+        last, num_before = None, 0
+
+        def is_settled() -> bool:
+            nonlocal last, num_before
+            now = (self.log.counts, len(self.log.arrived_s))
+            if now != last:
+                last, num_before = now, self._num_statuses
+            is_quiet = self._num_statuses - num_before >= _QUIET_STATUSES
+            return is_quiet and self.log.values.get("busy") == "False"
+
+        self.wait_until(is_settled, node, timeout_s)
+
+    def _receive_flow(self, raw: bytes) -> None:
+        stamp_ns = stamp_of(raw)
+        if stamp_ns in self.log.published_s:
+            self.log.arrived_s[stamp_ns] = time.monotonic()
+
+    def _receive_diagnostics(self, raw: bytes) -> None:
+        message = deserialize_message(raw, DiagnosticArray)
+        values = {
+            status.name.rpartition(": ")[2]: {item.key: item.value for item in status.values}
+            for status in message.status
+        }
+        if "flow" in values:
+            self._num_statuses += 1
+            self.log.values = values["flow"]
+            told = chain.from_iterable(one.items() for one in values.values())
+            self.log.counts = {
+                key: int(value) for key, value in told if value.isdigit() and " " not in key
+            }
+
+
+class NodeProcess:
+    """A running node."""
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path) -> None:
+        self.pid, self._process, self._log = process.pid, process, log
+
+    def check(self) -> None:
+        """Raises a RuntimeError if the node has ended."""
+        if (status := self._process.poll()) is not None:
+            raise self.failure(f"the node ended with exit status {status}")
+
+    def failure(self, what: str) -> RuntimeError:
+        """An error with the last lines of the node's log."""
+        lines = self._log.read_text(errors="replace").strip().splitlines()[-5:]
+        return RuntimeError(f"{what}; it said: {' | '.join(lines) or 'nothing'} ({self._log})")
+
+
+@contextmanager
+def node_process(arguments: Sequence[str], log: Path) -> Iterator[NodeProcess]:
+    """Runs the node with arguments after `--ros-args`; its log goes into a file."""
+    command = [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *arguments]
+    with (
+        log.open("wb") as stream,
+        subprocess.Popen(command, stdout=stream, stderr=stream, start_new_session=True) as process,
+    ):
+        try:
+            yield NodeProcess(process, log)
+        finally:
+            process.send_signal(signal.SIGINT)  # does nothing if it has ended
+            try:
+                process.wait(_STOP_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
 class LiveNode:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Serialized messages: sensor_msgs/PointCloud2 in CDR, little-endian; the stamp of any."""
+"""Serialized sensor_msgs/PointCloud2: CDR, little-endian."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from msg_utils.cloud_layout import CloudEncoding
-from msg_utils.stamps import NANOSECONDS_PER_SECOND
 
 # Any object with `stamp` and `frame_id`, as std_msgs/Header has.
 HeaderLike: TypeAlias = Any
@@ -33,12 +32,6 @@ def serialized_cloud(header: HeaderLike, encoding: CloudEncoding, *, is_dense: b
     with stream.getbuffer() as view:
         encoding.write(np.frombuffer(view, np.uint8, num_bytes, len(start)))
     return stream.getvalue()
-
-
-def serialized_stamp_ns(raw: bytes) -> int:
-    """Returns the stamp of a serialized message that begins with a header, nanoseconds."""
-    sec, nanosec = struct.unpack_from("<iI" if raw[1] else ">iI", raw, len(_ENCAPSULATION))
-    return int(sec * NANOSECONDS_PER_SECOND + nanosec)
 
 
 def _before_data(header: HeaderLike, encoding: CloudEncoding) -> bytes:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable
 
 import rich.console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 
 from mnsf_ros.errors import plain_text
@@ -55,6 +56,12 @@ class Console(rich.console.Console):
         except OSError as error:
             complain(f"the output cannot be written: {error.strerror}")
             self.on_broken_pipe()
+
+
+def counting_progress(console: Console) -> Progress:
+    """A bar with a text, `done/all` and the time left; add a task with its total to it."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return Progress(*columns, TimeRemainingColumn(), console=console)
 
 
 class _PlainLines(logging.Formatter):

@@ -11,8 +11,7 @@ from datetime import datetime
 from pathlib import Path
 
 from mnsf_ros.cli.arguments import ALL, chosen_settings
-from mnsf_ros.cli.console import Console
-from mnsf_ros.demo.console_progress import counting_progress
+from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (

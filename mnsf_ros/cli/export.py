@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
-from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.datasets.argoverse2_submission import submission
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
-from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.exported_sweeps import exported_sweeps
 from mnsf_ros.evaluation.options import EvaluationOptions

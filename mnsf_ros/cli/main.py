@@ -25,7 +25,6 @@ from mnsf_ros.errors import MnsfError
 # which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
 # returns the exit status, or None for 0. It is imported for this command alone.
 _COMMANDS: Final = {
-    "demo": ("replay a recording to the live node and show the flow", "recordings"),
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
     "flow": ("estimate where each point of a sweep in a file is in the next one", "flow"),

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""`mnsf simulate`, `convert`, `play` and `demo`: recordings that are made, or published."""
+"""`mnsf simulate`, `convert` and `play`: recordings that are made, or published."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
-from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
-from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.node.environment import prepare_environment, require_ros
-from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
 from mnsf_ros.recording.bag_writer import check_target
+from mnsf_ros.simulation.recording import write_recording as write_simulation
 from mnsf_ros.simulation.settings import SimulationSettings
 
 _SLOWEST: Final = 0.01
@@ -35,7 +34,14 @@ def add_simulate(arguments: Arguments) -> None:
 def run_simulate(options: argparse.Namespace) -> None:
     """Writes a simulated street."""
     settings, console = chosen(options, SimulationSettings), Console()
-    simulator = simulate_with_progress(settings, options.out, console, overwrite=options.force)
+    check_target(options.out, overwrite=options.force)
+    with counting_progress(console) as progress:
+        task = progress.add_task("simulating a street", total=None)
+
+        def show(num_done: int, num_sweeps: int) -> None:
+            progress.update(task, completed=num_done, total=num_sweeps)
+
+        simulator = write_simulation(settings, options.out, show, overwrite=options.force)
     console.say(simulator.scene.text, soft_wrap=True)
     console.say(
         f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
@@ -102,7 +108,7 @@ def run_play(options: argparse.Namespace) -> None:
     """Publishes a recording."""
     require_ros()
     prepare_environment()
-    from mnsf_ros.demo.play import PlayOptions, play
+    from mnsf_ros.node.play import PlayOptions, play
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
@@ -130,23 +136,3 @@ def rate(text: str) -> float:
         if _SLOWEST <= float(text) <= _FASTEST:
             return float(text)
     raise argparse.ArgumentTypeError(f"got {text!r}, expected {_SLOWEST:g} to {_FASTEST:g}")
-
-
-def add_demo(arguments: Arguments) -> None:
-    """Declares the arguments of `mnsf demo`."""
-    arguments.recordings("--bag", "recording; without it, a street is simulated")
-    arguments.points()
-    arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
-    arguments.value("--duration-s S", "length of the simulated recording", default=6.0)
-    arguments.value("--seed", "seed of the simulated recording", default=0)
-    arguments.value("--out DIR", "folder for all that is made", default=Path("demo"))
-
-
-def run_demo(options: argparse.Namespace) -> None:
-    """Runs the demo."""
-    require_ros()
-    from mnsf_ros.demo import demo_run
-
-    street = SimulationSettings(seed=options.seed, duration_s=options.duration_s)
-    settings = preset(options.preset)
-    demo_run.run_demo(options.bag or street, options.points, settings, options.out, Console())

@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen
-from mnsf_ros.cli.console import Console
-from mnsf_ros.demo.console_progress import counting_progress
+from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
 from mnsf_ros.presets import preset

@@ -5,13 +5,10 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from pathlib import Path
 
 from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.recordings import rate
-from mnsf_ros.errors import SettingsError
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import used_topics
@@ -32,24 +29,12 @@ def add_view(arguments: Arguments) -> None:
         default="127.0.0.1",
     )
     arguments.value("--port", "port to listen on, 0 for any", default=8766)
-    arguments.value("--animation FILE", "write a WebP of the recording instead", Path)
 
 
 def run_view(options: argparse.Namespace) -> None:
-    """Shows a recording or the node until Ctrl-C, or writes an animation."""
+    """Shows a recording or the node until Ctrl-C."""
     console = Console(stderr=True)
-    if options.bag is None:
-        if options.animation is not None:
-            raise SettingsError("--animation: needs a recording, mnsf view BAG --animation FILE")
-        _show_node(options, console)
-    elif options.animation is not None:
-        if options.animation.suffix.lower() != ".webp":
-            raise SettingsError(
-                f"--animation: got {options.animation}, expected the name of a .webp file"
-            )
-        _animate(options, console)
-    else:
-        _show_recording(options, console)
+    (_show_node if options.bag is None else _show_recording)(options, console)
 
 
 def _show_recording(options: argparse.Namespace, console: Console) -> None:
@@ -63,18 +48,6 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
         with server.listening(options.host, options.port) as address, suppress(KeyboardInterrupt):
             _say_where(console, address)
             view.run()
-
-
-def _animate(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.view.animation import save_animation
-    from mnsf_ros.view.estimated_sweeps import estimated_sweeps
-
-    with open_recording(options.bag, console.warn) as reader, console.status("estimating"):
-        topics = used_topics(options.bag, reader.topics, options.points)
-        stream = Stream(preset(options.preset))
-        sweeps = estimated_sweeps(reader, topics, stream, console.warn)
-        number = save_animation(sweeps, options.animation)
-    console.say(f"animation {options.animation} ({number} pictures)", soft_wrap=True)
 
 
 def _show_node(options: argparse.Namespace, console: Console) -> None:

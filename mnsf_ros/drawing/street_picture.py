@@ -1,12 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Pictures of sweeps in perspective: moving points coloured, with boxes and speeds."""
+"""Pictures of sweeps in perspective, moving points coloured, side by side and as an animation."""
 
 from __future__ import annotations
 
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -37,37 +36,11 @@ _GROUND_M: Final = -1.8  # about so far below the lidar of a car
 _STATIC_PX: Final = 2
 _MOVING_PX: Final = 4
 _WHEEL_PX: Final = 74
-_EDGES: Final = ((0, 1), (1, 3), (3, 2), (2, 0), (4, 5), (5, 7), (7, 6), (6, 4))
-_PILLARS: Final = ((0, 4), (1, 5), (2, 6), (3, 7))
-
-
-# Left, top, right and bottom, pixels.
-_Box = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class ShownObject:
-    """A box with its velocity.
-
-    Attributes:
-        center: (3,) metres, sensor frame.
-        size: (3,) metres: length along `yaw`, width, height.
-        yaw: Radians about z.
-        velocity: (3,) metres per second over ground.
-        way: (K, 3) metres, earlier places of its middle, oldest first.
-    """
-
-    center: NDArray[np.float64]
-    size: NDArray[np.float64]
-    yaw: float
-    velocity: NDArray[np.float64]
-    way: NDArray[np.float32]
 
 
 def street_picture(
     xyz: NDArray[np.float32],
     velocity: NDArray[np.float32],
-    objects: Sequence[ShownObject],
     full_speed_m_s: float,
 ) -> Image.Image:
     """Draws a sweep, 880 x 470 pixels.
@@ -75,16 +48,10 @@ def street_picture(
     Args:
         xyz: (N, 3) metres, sensor frame, x forward.
         velocity: (N, 3) metres per second over ground; static points are grey.
-        objects: Moving objects.
         full_speed_m_s: Speed of the full colour.
     """
     image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
-    canvas = ImageDraw.Draw(image, "RGBA")
-    _draw_sensor(canvas)
-    labels: list[_Box] = []
-    # The labels of the nearest are kept where several would overlap.
-    for item in sorted(objects, key=lambda item: float(np.hypot(item.center[0], item.center[1]))):
-        _draw_object(canvas, item, full_speed_m_s, labels)
+    _draw_sensor(ImageDraw.Draw(image))
     image = image.resize((WIDTH_PX, HEIGHT_PX), Image.Resampling.BOX)
     _draw_legend(image, full_speed_m_s)
     return image
@@ -135,78 +102,10 @@ def _splat(
             canvas[rows[inside], columns[inside]] = colors[inside]
 
 
-def _draw_object(
-    canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float, labels: list[_Box]
-) -> None:
-    pixels, depth = _projected(_corners(item))
-    if (depth < _NEAREST_M).any():
-        return
-    color = _color(item.velocity, full_speed_m_s)
-    points = [tuple(pixel) for pixel in pixels.tolist()]
-    for first, second in (*_EDGES, *_PILLARS):
-        canvas.line([points[first], points[second]], fill=(*color, 210), width=_SCALE)
-    _draw_way(canvas, item, color)
-    _draw_label(canvas, pixels, item, labels)
-
-
-def _draw_label(
-    canvas: ImageDraw.ImageDraw, pixels: NDArray[np.float64], item: ShownObject, labels: list[_Box]
-) -> None:
-    """Draws the speed above or below the box of an object, where it is whole and covers no other.
-
-    `pixels` (8, 2) are the corners of the box.
-    """
-    speed = float(np.hypot(item.velocity[0], item.velocity[1]))
-    text, font = f"{speed:.1f} m/s", _font(12 * _SCALE)
-    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
-    middle, gap = (left + right) / 2, 4 * _SCALE
-    for place, anchor in (((middle, top - gap), "mb"), ((middle, bottom + gap), "mt")):
-        label = canvas.textbbox(place, text, font=font, anchor=anchor, stroke_width=_SCALE)
-        if _is_inside(label) and not any(_overlap(label, other) for other in labels):
-            labels.append(label)
-            outline = tuple(_BACKGROUND.tolist())
-            canvas.text(place, text, _INK, font, anchor, stroke_width=_SCALE, stroke_fill=outline)
-            return
-
-
-def _is_inside(box: _Box) -> bool:
-    inside_columns = box[0] >= 0 and box[2] <= _SCALE * WIDTH_PX
-    return inside_columns and box[1] >= 0 and box[3] <= _SCALE * HEIGHT_PX
-
-
-def _overlap(first: _Box, second: _Box) -> bool:
-    columns = first[0] < second[2] and second[0] < first[2]
-    return columns and first[1] < second[3] and second[1] < first[3]
-
-
 def _draw_sensor(canvas: ImageDraw.ImageDraw) -> None:
     arrow = np.array([[2.2, 0.0], [-1.6, 1.1], [-0.7, 0.0], [-1.6, -1.1]])
     pixels, _ = _projected(np.column_stack([arrow, np.full(4, _GROUND_M)]))
     canvas.polygon([tuple(pixel) for pixel in pixels.tolist()], fill=_INK)
-
-
-def _draw_way(canvas: ImageDraw.ImageDraw, item: ShownObject, color: tuple[int, int, int]) -> None:
-    base = np.array([0.0, 0.0, -item.size[2] / 2])
-    pixels, depth = _projected(np.vstack([item.way, item.center]) + base)
-    for index in range(len(pixels) - 1):
-        if (depth[index : index + 2] > _NEAREST_M).all():
-            fade = round(200 * (index + 1) / len(pixels))
-            ends = [tuple(pixel) for pixel in pixels[index : index + 2].tolist()]
-            canvas.line(ends, fill=(*color, fade), width=2 * _SCALE)
-
-
-def _corners(item: ShownObject) -> NDArray[np.float64]:
-    """Returns (8, 3) corners: front before back, left before right; the lower four first."""
-    signs = np.array([[x, y, z] for z in (-1, 1) for x in (1, -1) for y in (1, -1)], float)
-    local = signs * item.size / 2
-    cos, sin = math.cos(item.yaw), math.sin(item.yaw)
-    turned = local @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(turned + item.center, np.float64)
-
-
-def _color(velocity: NDArray[np.float64], full_speed_m_s: float) -> tuple[int, int, int]:
-    packed = int(packed_colors(velocity[None].astype(np.float32), full_speed_m_s)[0])
-    return packed >> 16, packed >> 8 & 0xFF, packed & 0xFF
 
 
 def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
@@ -233,7 +132,7 @@ def frame(
     width = len(velocities) * (_SIDE_WIDTH_PX + _GAP_PX) - _GAP_PX
     whole = Image.new("RGB", (width, _SIDE_HEIGHT_PX), _GAP_COLOR)
     for place, velocity in enumerate(velocities):
-        picture = street_picture(xyz, velocity, [], full_speed_m_s)
+        picture = street_picture(xyz, velocity, full_speed_m_s)
         picture = picture.resize((_SIDE_WIDTH_PX, _SIDE_HEIGHT_PX), Image.Resampling.BOX)
         whole.paste(picture, (place * (_SIDE_WIDTH_PX + _GAP_PX), 0))
     content = io.BytesIO()

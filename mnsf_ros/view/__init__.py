@@ -1,2 +1,2 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A recording or a running node, seen live or as an animation."""
+"""A recording or a running node, seen live."""

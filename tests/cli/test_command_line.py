@@ -106,9 +106,8 @@ def other_bag(path):
     ],
     ids=["missing", "empty folder", "no clouds", "unknown topic", "other type"],
 )
-def test_demo_names_what_is_wrong_with_a_bag(prepare, arguments, said, tmp_path, capsys):
-    pytest.importorskip("rclpy")
+def test_a_command_names_what_is_wrong_with_a_bag(prepare, arguments, said, tmp_path, capsys):
     bag, out = prepare(tmp_path), tmp_path / "out"
-    assert run(["demo", "--bag", str(bag), "--out", str(out), *arguments]) == EXIT_USAGE
+    assert run(["evaluate", str(bag), "--out", str(out), *arguments]) == EXIT_USAGE
     assert said in only_line(capsys)
     assert not out.exists()

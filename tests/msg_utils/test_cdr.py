@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from msg_utils.cdr import serialized_cloud, serialized_stamp_ns
+from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import decode_points, encoding_of_columns, encoding_with_columns
 
 pytest.importorskip("rclpy.serialization")
@@ -52,7 +52,6 @@ def assert_same(encoding, *, made=None, is_dense=True):
     made = made or header()
     message = message_of(made, encoding, is_dense=is_dense)
     ours = serialized_cloud(made, encoding, is_dense=is_dense)
-    assert serialized_stamp_ns(ours) == 1_700_000_000_999_999_999
     theirs = np.frombuffer(serialize_message(message), np.uint8)
     assert len(ours) == len(theirs)
     # Fast CDR leaves the bytes between values as they were; here they are 0.

@@ -51,8 +51,8 @@ def test_hostile_recording_ends_in_lines_and_takes_little_memory(tmp_path, kind)
 
 def test_memory_that_is_missing_is_one_line_with_the_limit(tmp_path):
     path = HOSTILE["ROS 1, bz2 of 3 GB"](tmp_path)
-    options = ["--animation", tmp_path / "a.webp", "--max-memory", "2"]
-    command = [sys.executable, "-m", "mnsf_ros.cli", "view", path, *options]
+    options = ["--stamp=5", "--at=8,0", "--max-memory=2"]
+    command = [sys.executable, "-m", "mnsf_ros.cli", "explain", path, *options]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert ended.returncode == EXIT_MEMORY
     line = ended.stderr.splitlines()[-1]

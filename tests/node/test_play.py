@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
-from mnsf_ros.demo.play import PlayOptions, in_time, play
+from mnsf_ros.node.play import PlayOptions, in_time, play
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
