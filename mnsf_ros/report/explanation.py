@@ -104,8 +104,9 @@ def _estimated(
 ) -> tuple[Example, FlowEstimate]:
     stream = Stream(options.settings, method)
     stamps_ns: list[int] = []
+    findings = Findings()
     with recording.open() as reader:
-        for example in read_examples(reader, recording, options, Findings()):
+        for example in read_examples(reader, recording, options, findings):
             now_ns = example.triplet.current.stamp_ns
             stamps_ns.append(now_ns)
             if now_ns < stamp_ns - _PAST_S * NANOSECONDS:
@@ -115,6 +116,8 @@ def _estimated(
                 return example, estimate
             if now_ns > stamp_ns:
                 break
+    if not stamps_ns and findings.damages:
+        raise next(iter(findings.damages)).error()
     if not stamps_ns:
         raise EvaluationError(f"{recording.name}: contains no consecutive sweeps")
     nearest = min(stamps_ns, key=lambda one: abs(one - stamp_ns)) / NANOSECONDS
