@@ -1,6 +1,6 @@
-# `make view` shows the flow of a street in a browser, `make test` runs the tests. Each sets up
-# what it needs in .venv, once.
-#   make view BAG=path/to/recording POINTS=/points
+# `make demo` shows the node at work, `make test` runs the tests. Each sets up what it needs in
+# .venv, once.
+#   make demo BAG=path/to/recording POINTS=/points
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
@@ -31,7 +31,7 @@ STREET := street
 PYTHONS := 3.10 3.11 3.12 3.13 3.14
 WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$python
 
-.PHONY: setup complete view pictures test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup complete demo view picture test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -52,7 +52,17 @@ $(COMPLETE): $(READY)
 	$(INSTALL) '.[$(EXTRAS),$(ADDED)]'
 	touch $@
 
-# A simulated street, or BAG, on a page for a browser.
+# A simulated street, or BAG, through the live node, whose flow is on a page for a browser. In a
+# domain of ROS of its own, away from robots.
+demo: export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+demo: export ROS_DOMAIN_ID := $(or $(DOMAIN),$(shell shuf -i 1-101 -n 1))
+demo: $(READY) $(if $(BAG),,$(STREET))
+	@$(BIN)/scene_flow_node --ros-args -r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
+	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
+	trap "kill $$node $$play; wait" EXIT; trap exit INT TERM; \
+	$(BIN)/mnsf view
+
+# The same on the page alone, to play, pause and step.
 view: $(READY) $(if $(BAG),,$(STREET))
 	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') $(VIEW_OPTIONS)
 
@@ -60,7 +70,7 @@ $(STREET): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed 0 $@
 
 # Both pictures in the README; needs Chromium.
-pictures: $(COMPLETE) $(STREET)
+picture: $(COMPLETE) $(STREET)
 	$(BIN)/python tests/view/page_pictures.py $(STREET) 3.4 docs
 
 # On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from enum import Enum, IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,34 +123,53 @@ class Verdict(Enum):
     DYNAMIC = "dynamic"
 
 
-@dataclass(frozen=True)
+class PointState(IntEnum):
+    """What another sweep says about one point of an object."""
+
+    UNCLEAR = 0  # a surface near by, or no return in its direction
+    HIT = 1  # a return at its place
+    FREE = 2  # seen through
+    HIDDEN = 3  # behind something
+
+    @property
+    def text(self) -> str:
+        """Its name in tables and pictures."""
+        return "passed through" if self is PointState.FREE else self.name.lower()
+
+
+@dataclass(frozen=True, eq=False)
 class Match:
     """An object compared with another sweep, if it is static or if it moves.
 
     Attributes:
+        positions: (P, 3) float32, metres, where its points are by then, axes of the current sweep.
+        states: (P,) uint8, the `PointState` of each.
         residual_m: Mean distance from the other sweep beyond the spacing of its points.
-        hit: Share of its points with a return at their place.
-        passed_through: Share of its points that were seen through.
-        hidden: Share of its points behind something.
     """
 
+    positions: NDArray[np.float32]
+    states: NDArray[np.uint8]
     residual_m: float
-    hit: float
-    passed_through: float
-    hidden: float
+
+    def share(self, state: PointState) -> float:
+        """Share of the points in a state."""
+        return float(np.mean(self.states == state))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SweepTerms:
     """What another sweep says about an object.
 
     Attributes:
         age_s: Time from the current sweep to the other one; negative before.
+        points: (Q, 3) float32, metres, points of the other sweep around the object, axes of the
+            current sweep, ego motion removed.
         static: The object where it is.
         moving: The object with its motion; None if no motion was fitted.
     """
 
     age_s: float
+    points: NDArray[np.float32]
     static: Match
     moving: Match | None
 

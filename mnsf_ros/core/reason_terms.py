@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import (
     FlowEstimate,
     Match,
+    PointState,
     Reason,
     TrackedObject,
     Verdict,
@@ -129,7 +130,6 @@ def vector_text(vector: NDArray[np.float64]) -> str:
 
 
 def _match_text(match: Match) -> str:
-    return (
-        f"{match.residual_m:.3f} m (hit {match.hit:.0%}, passed through "
-        f"{match.passed_through:.0%}, hidden {match.hidden:.0%})"
-    )
+    shown = PointState.HIT, PointState.FREE, PointState.HIDDEN
+    shares = ", ".join(f"{state.text} {match.share(state):.0%}" for state in shown)
+    return f"{match.residual_m:.3f} m ({shares})"

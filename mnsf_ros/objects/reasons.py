@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import Match, Reason, SweepTerms, Verdict
+from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -16,6 +17,9 @@ from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import TRUNCATION_M, Target
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# Points of another sweep so far around the box of an object are told with it.
+_AROUND_M: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,7 @@ class Reasons:
         return tuple(
             SweepTerms(
                 age_s=_age_s(target),
+                points=_points_around(own, target),
                 static=_match(own, target, no_motion),
                 moving=None if motion is None else _match(own, target, motion),
             )
@@ -100,15 +105,26 @@ def _age_s(target: Target) -> float:
     return (target.sweep.sweep.stamp_ns - target.current.sweep.stamp_ns) / NANOSECONDS
 
 
+def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]:
+    """Points (Q, 3) of the target, metres, current frame, around the box of the only object."""
+    points = transformed(target.sweep.thinned, target.to_current)
+    low, high = objects.positions.min(axis=0), objects.positions.max(axis=0)
+    is_near = ((points >= low - _AROUND_M) & (points <= high + _AROUND_M)).all(axis=1)
+    return np.asarray(points[is_near], np.float32)
+
+
 def _match(objects: ObjectPoints, target: Target, motion: NDArray[np.float32]) -> Match:
     """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
-    moved = objects.positions + target.shifts(objects, motion[None])
-    places = transformed(moved, target.from_current)
+    positions = objects.positions + target.shifts(objects, motion[None])
+    places = transformed(positions, target.from_current)
     nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)
     beyond = np.where(nearest >= 0, distances, TRUNCATION_M) - objects.spacing
     is_free, is_hidden = target.sweep.view.free_and_hidden(places)
-    is_hit = beyond <= 0
-    passed, hidden = is_free & ~is_hit, is_hidden & ~is_free & ~is_hit
-    shares = (float(part.mean()) for part in (is_hit, passed, hidden))
-    return Match(float(np.maximum(beyond, 0).mean()), *shares)
+    states = np.select(
+        [beyond <= 0, is_free, is_hidden],
+        [PointState.HIT, PointState.FREE, PointState.HIDDEN],
+        PointState.UNCLEAR,
+    )
+    residual_m = float(np.maximum(beyond, 0).mean())
+    return Match(positions, states.astype(np.uint8), residual_m)

@@ -20,7 +20,10 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 
 NUM_POINTS = 600
-NEXT = SweepTerms(0.1, Match(0.25, hit=0.0, passed_through=0.75, hidden=0.25), None)
+STATES = np.array([2, 2, 2, 3], np.uint8)
+NEXT = SweepTerms(
+    0.1, np.zeros((0, 3), np.float32), Match(np.zeros((4, 3), np.float32), STATES, 0.25), None
+)
 
 
 class Asking(Spinner):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, pose
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.flow_estimate import PointState, Verdict
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -44,7 +44,8 @@ def test_mover_has_its_motion_and_residuals():
     assert [one.age_s for one in reason.sweeps] == pytest.approx([0.1, -0.1])
     for one in reason.sweeps:
         assert one.moving.residual_m < 0.05 < one.static.residual_m
-        assert one.moving.hit > 0.5 > one.static.hit
+        assert one.moving.share(PointState.HIT) > 0.5 > one.static.share(PointState.HIT)
+        assert len(one.static.positions) == len(one.static.states) > 10
     assert reason.num_points > 10
     assert 1 < reason.size_m < 6
     assert all(np.isfinite(value) for value in reason.evidence.values())

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Makes the pictures of the page in the README: `make pictures`, which needs Chromium.
+"""Makes the pictures of the page in the README: `make picture`, which needs Chromium.
 
 python tests/view/page_pictures.py RECORDING SECOND FOLDER
 """
