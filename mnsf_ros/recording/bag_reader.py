@@ -24,7 +24,7 @@ from mnsf_ros.recording.bag_files import (
     read_metadata,
     recording_files,
 )
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, find_topic, known_topic
+from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, known_topic
 from mnsf_ros.recording.damage import UNREADABLE, Damage, unfit_counts
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File, jazzy
@@ -134,15 +134,6 @@ class BagReader:
         later = copy.copy(self)
         later._start_ns = start_ns
         return later
-
-    def find_topic(self, name: str | None, msgtype: str) -> str:
-        """Returns `name` if it has messages of this type, or if None the only topic that has.
-
-        Raises:
-            RecordingError: There is no such topic, it is of another type or empty, or there are
-                several to choose from.
-        """
-        return find_topic(self.path, self.topics, name, msgtype)
 
     def messages(self, topic: str) -> Iterator[Any]:
         """Returns the messages of a topic, deserialized, with the attributes of the ROS type.

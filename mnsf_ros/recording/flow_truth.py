@@ -1,10 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""True flow and true sensor poses of a recording, see `docs/recordings.md`."""
+"""True flow of a sweep in a recording, see `docs/recordings.md`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -13,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.geometry.transforms import pose_matrix
-from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points, encode_columns
-from msg_utils.stamps import StampLike, decode_stamp
+from msg_utils.stamps import decode_stamp
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
@@ -139,52 +134,3 @@ class FlowTruth:
         class_id = points["class_id"].astype(np.uint8)
         object_id = points[_OBJECT].astype(np.uint32) if _OBJECT in names else None
         return cls(stamp_ns, flow, valid, dynamic, ground, class_id, object_id)
-
-
-def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> dict[int, FlowTruth]:
-    """Returns stamp of a sweep (nanoseconds) -> its true flow, from first to last stamp.
-
-    All of it is in memory, 20 bytes a point.
-
-    Raises:
-        RecordingError: There is no truth, two clouds have the same stamp, or damage is met.
-    """
-    topic = reader.find_topic(topic, CLOUD_TYPE)
-    truth: dict[int, FlowTruth] = {}
-    for message in reader.messages(topic):
-        with _located(reader, topic, message.header.stamp):
-            found = FlowTruth.decode(message)
-        if found.stamp_ns in truth:
-            raise RecordingError(
-                f"{reader.path}: two clouds on {topic!r} have stamp {found.stamp_ns}"
-            )
-        truth[found.stamp_ns] = found
-    return dict(sorted(truth.items()))
-
-
-def read_sensor_poses(
-    reader: BagReader, topic: str | None = None
-) -> dict[int, NDArray[np.float64]]:
-    """Returns stamp (nanoseconds) -> (4, 4) `world_from_sensor`, from first to last stamp.
-
-    If no topic is named, it is the only one of nav_msgs/Odometry.
-
-    Raises:
-        RecordingError: There is no such topic, a pose is no pose, or damage is met.
-    """
-    topic = reader.find_topic(topic, ODOMETRY_TYPE)
-    poses: dict[int, NDArray[np.float64]] = {}
-    for message in reader.messages(topic):
-        with _located(reader, topic, message.header.stamp):
-            poses[decode_stamp(message.header.stamp)] = pose_matrix(message.pose.pose)
-    return dict(sorted(poses.items()))
-
-
-@contextmanager
-def _located(reader: BagReader, topic: str, stamp: StampLike) -> Iterator[None]:
-    """Adds recording, topic and stamp to the error of a message."""
-    try:
-        yield
-    except (MessageError, RecordingError) as error:
-        where = f"{reader.path}: {topic!r} at stamp {stamp.sec} s {stamp.nanosec} ns"
-        raise RecordingError(f"{where}: {error}") from error

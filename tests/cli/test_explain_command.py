@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 import pytest
+from recorded_truth import read_truth
 
 from mnsf_ros.cli import main
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.flow_truth import read_truth
 from msg_utils.point_cloud2 import decode_points
 
 

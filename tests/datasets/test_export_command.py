@@ -9,11 +9,11 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from recorded_truth import read_sensor_poses, read_truth
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.datasets.open_scene_flow import open_file
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 
 h5py = pytest.importorskip("h5py")
 feather = pytest.importorskip("pyarrow.feather")

@@ -15,11 +15,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recorded_truth import read_sensor_poses, read_truth
 
 from mnsf_ros.datasets.conversion import open_source, write_recording
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -23,7 +23,7 @@ from rosbags.typesys import get_types_from_msg
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader, open_recording
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary, find_topic
 from mnsf_ros.recording.bag_writer import BagWriter
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
@@ -86,8 +86,8 @@ def test_every_kind_gives_the_same_clouds(recording):
     with open_recording(str(recording), pytest.fail) as reader:
         assert reader.topics == {"/points": TopicSummary(CLOUD_TYPE, tiny_bags.NUM_CLOUDS)}
         assert reader.damages == ()
-        assert reader.find_topic(None, CLOUD_TYPE) == "/points"
-        assert reader.find_topic("/points", CLOUD_TYPE) == "/points"
+        assert find_topic(reader.path, reader.topics, None, CLOUD_TYPE) == "/points"
+        assert find_topic(reader.path, reader.topics, "/points", CLOUD_TYPE) == "/points"
         messages = list(reader.messages("/points"))
         stored = list(reader.raw_messages("/points"))
         assert len(messages) == len(stored) == tiny_bags.NUM_CLOUDS
@@ -186,7 +186,7 @@ def test_wrong_topic_is_explained(tmp_path, name, msgtype, text):
         BagReader(two_topics(tmp_path / "bag")) as reader,
         pytest.raises(RecordingError, match=text),
     ):
-        reader.find_topic(name, msgtype)
+        find_topic(reader.path, reader.topics, name, msgtype)
 
 
 def test_unknown_topic_is_refused_before_reading(tmp_path):

@@ -9,10 +9,8 @@ import tiny_bags
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_messages import cloud_message
-from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.flow_truth import FlowTruth, read_sensor_poses, read_truth
+from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.point_cloud2 import encode_columns
 
 TOPIC = "/truth/flow"
@@ -26,17 +24,6 @@ def truth_of(index, num_points=50):
     dynamic, ground = rng.uniform(size=(2, num_points)) < 0.5
     class_id = rng.integers(0, 10, num_points).astype(np.uint8)
     return FlowTruth(tiny_bags.stamp(index), flow, valid, dynamic, ground, class_id)
-
-
-def write_truth(path, indices=range(5), received_order=None):
-    with BagWriter(path) as writer:
-        for received, index in enumerate(indices):
-            cloud = truth_of(index).encode(tiny_bags.xyz(index))
-            message = cloud_message(cloud, tiny_bags.stamp(index), "lidar", is_dense=False)
-            raw = tiny_bags.JAZZY.serialize_cdr(message, CLOUD_TYPE)
-            time = tiny_bags.stamp(received) if received_order is None else received_order[received]
-            writer.write_raw(TOPIC, CLOUD_TYPE, time, raw)
-    return path
 
 
 def assert_same(one, other):
@@ -58,16 +45,6 @@ def test_object_ids_come_back_where_they_are_known():
     assert truth_of(0).of_points(some).object_id is None
 
 
-def test_truth_comes_back_in_the_order_of_header_stamps(tmp_path):
-    same_time = [5, 5, 5, 9, 9]
-    path = write_truth(tmp_path / "bag", indices=[3, 0, 4, 1, 2], received_order=same_time)
-    with BagReader(path) as reader:
-        truth = read_truth(reader)
-        assert list(truth) == [tiny_bags.stamp(index) for index in range(5)]
-        for index in range(5):
-            assert_same(truth[tiny_bags.stamp(index)], truth_of(index))
-
-
 def test_flow_of_rows_that_are_not_valid_is_nan():
     truth = truth_of(0)
     noisy = replace(truth, flow=np.where(truth.valid[:, None], truth.flow, np.float32(3.0)))
@@ -79,28 +56,6 @@ def test_flow_of_rows_that_are_not_valid_is_nan():
 def test_rows_must_match_the_sweep():
     with pytest.raises(RecordingError, match="truth has 50 rows for a sweep of 49 points"):
         truth_of(0).encode(tiny_bags.xyz(0)[:49])
-
-
-def test_two_clouds_of_one_stamp_are_refused(tmp_path):
-    path = write_truth(tmp_path / "bag", indices=[0, 1, 1])
-    with BagReader(path) as reader, pytest.raises(RecordingError, match="two clouds on"):
-        read_truth(reader)
-
-
-def test_recording_without_truth(tmp_path):
-    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
-        with pytest.raises(RecordingError, match=f"no topic '{TOPIC}'; it has /points"):
-            read_truth(reader)
-        with pytest.raises(RecordingError, match="no topic of type nav_msgs/msg/Odometry"):
-            read_sensor_poses(reader)
-
-
-def test_cloud_without_truth_fields_is_refused(tmp_path):
-    with (
-        BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader,
-        pytest.raises(RecordingError, match=r"no field flow_x, .*class_id; it has x, y, z"),
-    ):
-        read_truth(reader, "/points")
 
 
 @pytest.mark.parametrize(
@@ -119,27 +74,6 @@ def test_cloud_that_is_no_truth_is_refused(changes, point_step, text):
     message.point_step = point_step or message.point_step
     with pytest.raises(RecordingError, match=text):
         FlowTruth.decode(message)
-
-
-def random_pose(rng):
-    matrix, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    pose = np.eye(4)
-    pose[:3, :3] = matrix * np.sign(np.linalg.det(matrix))
-    pose[:3, 3] = rng.normal(size=3) * 100
-    return pose
-
-
-def test_poses_come_back_in_the_order_of_stamps(tmp_path):
-    rng = np.random.default_rng(1)
-    poses = {tiny_bags.stamp(index): random_pose(rng) for index in (4, 2, 7, 0)}
-    with BagWriter(tmp_path / "bag") as writer:
-        for stamp_ns, pose in poses.items():
-            writer.write_odometry("/truth/odometry", pose, stamp_ns, "odom", "lidar")
-    with BagReader(tmp_path / "bag") as reader:
-        found = read_sensor_poses(reader)
-        assert list(found) == sorted(poses)
-        for stamp_ns, pose in poses.items():
-            assert np.allclose(found[stamp_ns], pose, atol=1e-9)
 
 
 def test_pose_that_is_no_rigid_motion_is_not_written(tmp_path):

@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recorded_truth import read_sensor_poses, read_truth
 
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
