@@ -108,7 +108,7 @@ setup(
         "evaluation": EVALUATION,
         # For the methods with networks (mnsf, fnsf, nsfp); online does without.
         "networks": ["torch>=2.4", "edt>=2.4"],
-        "datasets": ["pyarrow>=14", "h5py>=3.10", "pypcd4>=1.4,<2"],
+        "datasets": ["pyarrow>=14", "h5py>=3.10"],
         "ray": [*EVALUATION, "ray>=2.40"],
         "tune": [*EVALUATION, "optuna>=5,<6"],
         "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "hypothesis>=6.100"],

@@ -33,10 +33,6 @@ class MethodError(MnsfError):
     """A method that is another program or package gave no usable flow."""
 
 
-class SweepFileError(MnsfError):
-    """A file with a sweep or a flow is missing, damaged, of no known format, or cannot be made."""
-
-
 class CancelledError(MnsfError):
     """An estimate was abandoned because its caller asked for it (shutdown, cancel)."""
 

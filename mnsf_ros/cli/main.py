@@ -27,7 +27,6 @@ from mnsf_ros.errors import MnsfError
 _COMMANDS: Final = {
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
-    "flow": ("estimate where each point of a sweep in a file is in the next one", "flow"),
     "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),
     "explain": ("explain why one place of one sweep was called dynamic or not", "explain"),
     "report": ("write the HTML report of an evaluation again, from its rows.jsonl", "evaluate"),

@@ -102,11 +102,19 @@ def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:
 
 
 def read_feather(
-    path: Path, columns: Iterable[str], optional: Iterable[str] = ()
+    path: Path, columns: Collection[str], optional: Collection[str] = ()
 ) -> dict[str, NDArray[Any]]:
     """Returns columns of a Feather file as (N,) arrays, optional ones where present."""
     with reading(path):
-        return files.read_feather_columns(path, columns, optional)
+        # memory_map: damage in a mapped file would only show later. use_threads: where memory ends,
+        # the threads of Arrow abort the process.
+        feather = files.require("pyarrow.feather")
+        table = feather.read_table(path, memory_map=False, use_threads=False)
+        found = table.column_names
+        if missing := [name for name in columns if name not in found]:
+            raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
+        wanted = (*columns, *(name for name in optional if name in found))
+        return {name: table.column(name).to_numpy() for name in wanted}
 
 
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:

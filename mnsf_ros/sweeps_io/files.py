@@ -10,7 +10,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from mnsf_ros.errors import MnsfError, SweepFileError
+from mnsf_ros.errors import MnsfError
 
 # LookupError, TypeError and AttributeError: the file has another structure. MemoryError: a damaged
 # header may ask for any size. SyntaxError: NumPy parses headers as Python source, and XML errors
@@ -55,7 +55,7 @@ def reason(error: BaseException) -> str:
 
 
 @contextmanager
-def reading(path: Path, part: str = "", kind: type[MnsfError] = SweepFileError) -> Iterator[None]:
+def reading(path: Path, part: str = "", *, kind: type[MnsfError]) -> Iterator[None]:
     """Turns errors of parsers inside the block into one kind of error, with file and part.
 
     A named pipe or a device is refused before the block: reading it might never end.
@@ -71,13 +71,13 @@ def reading(path: Path, part: str = "", kind: type[MnsfError] = SweepFileError) 
         raise kind(f"{path}: cannot be read: {what}") from error
 
 
-def require(module: str, library: str = "") -> Any:  # noqa: ANN401
+def require(module: str) -> Any:  # noqa: ANN401
     """Imports a module of a library that only some formats need.
 
     Raises:
         ValueError: The library is not installed; the text has the command that installs it.
     """
-    library = library or module.partition(".")[0]
+    library = module.partition(".")[0]
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -148,24 +148,3 @@ def array_in(archive: NpzFile, name: str) -> NDArray[Any]:
         raise ValueError(f"has no array {name!r}; it has {', '.join(archive.files) or 'none'}")
     array: NDArray[Any] = archive[name]
     return array
-
-
-def read_feather_columns(
-    path: Path, names: Iterable[str], optional: Iterable[str] = ()
-) -> dict[str, NDArray[Any]]:
-    """Returns columns of a Feather file as (N,) arrays, optional ones where present.
-
-    Call it inside of `reading`.
-
-    Raises:
-        ValueError: pyarrow is not installed, or the file lacks a column.
-    """
-    # memory_map: damage in a mapped file would only show later. use_threads: where memory ends, the
-    # threads of Arrow abort the process.
-    table = require("pyarrow.feather").read_table(path, memory_map=False, use_threads=False)
-    missing = [name for name in names if name not in table.column_names]
-    if missing:
-        found = ", ".join(table.column_names)
-        raise ValueError(f"has no column {', '.join(missing)}; it has {found}")
-    wanted = (*names, *(name for name in optional if name in table.column_names))
-    return {name: table.column(name).to_numpy() for name in wanted}
