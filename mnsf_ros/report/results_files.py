@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The results of a run as files: Markdown, CSV, LaTeX and JSON."""
+"""The results of a run as files: Markdown, CSV and LaTeX."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pandas as pd
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
-from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_record import Session
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.text_table import markdown_code, markdown_text
@@ -53,7 +53,7 @@ _POINTS: Final = {
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:
-    """Writes results.md, .csv, .tex and .json, in place of those of an earlier session.
+    """Writes results.md, .csv and .tex, in place of those of an earlier session.
 
     Raises:
         WritingError: Writing fails; files that are not written yet are those of before.
@@ -61,7 +61,6 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     replace_file(folder.path / "results.md", [results_markdown(results)])
     replace_file(folder.path / "results.csv", [results_csv(results)])
     replace_file(folder.path / "results.tex", [_results_latex(results)])
-    replace_file(folder.path / "results.json", [_results_json(results)])
 
 
 def results_markdown(results: RunResults) -> str:
@@ -153,23 +152,6 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
             for name, fact in _FACTS.items()
         },
     }
-
-
-def _results_json(results: RunResults) -> str:
-    document = {
-        "protocol": results.protocol,
-        "notes": [note.text for note in results.notes],
-        "methods": _records(results.summary),
-        "by_recording": {name: _records(one) for name, one in results.by_recording.items()},
-        "run": results.record,
-    }
-    return to_json(document, indent=2) + "\n"
-
-
-def _records(summary: pd.DataFrame) -> list[dict[str, object]]:
-    """One object a method, with its known figures by their names in the summary."""
-    lines = summary.reset_index().to_dict("records")
-    return [{key: value for key, value in line.items() if pd.notna(value)} for line in lines]
 
 
 def session_lines(session: Session) -> list[str]:
