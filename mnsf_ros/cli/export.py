@@ -114,7 +114,7 @@ def _export(
         for sweep in exported_sweeps(recording, method, settings, console.warn):
             write(sweep)
             num_sweeps += 1
-            num_estimated += sweep.motion is not None and sweep.motion.estimate is not None
+            num_estimated += sweep.estimate is not None
             progress.update(task, completed=num_sweeps)
     console.say(
         f"{target}: {num_sweeps} sweeps of {recording.name}, {num_estimated} with an estimate of "

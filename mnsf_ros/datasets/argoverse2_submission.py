@@ -39,13 +39,13 @@ class Submission:
         Raises:
             DatasetError: Its mask is damaged or of another number of points.
         """
-        name = f"{log}/{sweep.stamp_ns}.feather"
-        if name not in self._wanted or sweep.motion is None:
+        name = f"{log}/{sweep.sweep.stamp_ns}.feather"
+        if name not in self._wanted or sweep.next_from_current is None:
             return
-        chosen = self._mask(name, sweep.num_rows)
-        flow = sweep.in_rows(sweep.motion.flow)[chosen].astype(np.float16)
+        chosen = self._mask(name, sweep.sweep.source.num_points)
+        flow = sweep.in_rows(sweep.flow)[chosen].astype(np.float16)
         columns: dict[str, Any] = dict(zip(_COLUMNS, flow.T, strict=True))
-        columns["is_dynamic"] = sweep.in_rows(sweep.motion.dynamic)[chosen]
+        columns["is_dynamic"] = sweep.in_rows(sweep.dynamic)[chosen]
         content = BytesIO()
         require("pyarrow.feather").write_feather(require("pyarrow").table(columns), content)
         self._archive.writestr(name, content.getvalue())

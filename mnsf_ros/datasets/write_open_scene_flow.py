@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.exported_sweep import ExportedFlow, ExportedSweep
+from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import (
     SweepGroup,
     nanoseconds,
@@ -65,16 +65,16 @@ class OpenSceneFlowWriter:
                 already.
         """
         if self._is_new:
-            group, arrays = self._file.create_group(str(sweep.stamp_ns)), _sweep_arrays(sweep)
+            group, arrays = self._file.create_group(str(sweep.sweep.stamp_ns)), _sweep_arrays(sweep)
         else:
             group, arrays = self._known_group(sweep), {}
-        if sweep.motion is not None:
-            arrays[self._key] = sweep.in_rows(sweep.motion.flow)
+        if sweep.next_from_current is not None:
+            arrays[self._key] = sweep.in_rows(sweep.flow)
+            known = {"ego_motion": sweep.next_from_current.astype(np.float32)}
             if self._labels:
-                arrays |= _labels(sweep, sweep.motion)
-                arrays |= self._of_objects(sweep, sweep.motion.track_ids)
-            elif self._is_new and (truth := sweep.motion.truth) is not None:
-                arrays |= _truth(sweep, sweep.motion, truth)
+                arrays |= known | _labels(sweep) | self._of_objects(sweep, sweep.track_ids)
+            elif self._is_new and (truth := sweep.truth) is not None:
+                arrays |= known | _truth(sweep, truth)
                 unknown = np.zeros(len(truth), np.uint32)
                 objects = unknown if truth.object_id is None else truth.object_id
                 arrays |= self._of_objects(sweep, objects)
@@ -95,14 +95,15 @@ class OpenSceneFlowWriter:
         return {"flow_instance_id": sweep.in_rows(instances)}
 
     def _known_group(self, sweep: ExportedSweep) -> Any:  # noqa: ANN401 - h5py.Group
-        name = self._groups.get(sweep.stamp_ns)
+        own, cloud = sweep.sweep, sweep.sweep.source
+        name = self._groups.get(own.stamp_ns)
         if name is None:
-            raise DatasetError(f"{self._path}: has no sweep of stamp {sweep.stamp_ns}")
+            raise DatasetError(f"{self._path}: has no sweep of stamp {own.stamp_ns}")
         with reading(self._path, f"group {name!r}"):
             known = SweepGroup(self._file, name)
             points = known.array("lidar", np.float32)[:, :3]
-        if len(points) != sweep.num_rows or not np.allclose(
-            points[sweep.rows], sweep.xyz, rtol=0.0, atol=_SAME_POINT_M
+        if len(points) != cloud.num_points or not np.allclose(
+            points[cloud.rows], own.xyz, rtol=0.0, atol=_SAME_POINT_M
         ):
             raise DatasetError(f"{self._path}: group {name!r} has other points than the recording")
         return known.group
@@ -146,31 +147,29 @@ def open_scene_flow_writer(
 
 def _sweep_arrays(sweep: ExportedSweep) -> _Arrays:
     return {
-        "lidar": sweep.in_rows(sweep.xyz),
+        "lidar": sweep.in_rows(sweep.sweep.xyz),
         "ground_mask": sweep.in_rows(sweep.ground),
         "pose": sweep.pose.astype(np.float32),
     }
 
 
-def _truth(sweep: ExportedSweep, motion: ExportedFlow, truth: FlowTruth) -> _Arrays:
+def _truth(sweep: ExportedSweep, truth: FlowTruth) -> _Arrays:
     return {
         "flow": sweep.in_rows(np.where(truth.valid[:, None], truth.flow, np.float32(0.0))),
         "flow_is_valid": sweep.in_rows(truth.valid),
         "flow_category_indices": sweep.in_rows(argoverse2_numbers(truth.class_id)),
-        "ego_motion": motion.next_from_current.astype(np.float32),
     }
 
 
-def _labels(sweep: ExportedSweep, motion: ExportedFlow) -> _Arrays:
-    kinds = np.where(motion.dynamic, SurfaceClass.CAR, 0).astype(np.uint8)
+def _labels(sweep: ExportedSweep) -> _Arrays:
+    kinds = np.where(sweep.dynamic, SurfaceClass.CAR, 0).astype(np.uint8)
     # Clusters are numbered from 1 in each sweep.
-    _, clusters = np.unique(np.append(motion.track_ids, 0), return_inverse=True)
+    _, clusters = np.unique(np.append(sweep.track_ids, 0), return_inverse=True)
     return {
-        "flow": sweep.in_rows(motion.flow),
-        "flow_is_valid": sweep.in_rows(motion.is_estimated),
+        "flow": sweep.in_rows(sweep.flow),
+        "flow_is_valid": sweep.in_rows(sweep.is_estimated),
         "flow_category_indices": sweep.in_rows(argoverse2_numbers(kinds)),
-        "ego_motion": motion.next_from_current.astype(np.float32),
-        "dufo": sweep.in_rows(motion.dynamic.astype(np.uint8)),
+        "dufo": sweep.in_rows(sweep.dynamic.astype(np.uint8)),
         "dufocluster": sweep.in_rows(clusters[:-1].astype(np.int16)),
     }
 

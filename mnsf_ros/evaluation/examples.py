@@ -13,7 +13,6 @@ from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings, num_mi
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import (
-    CloudRows,
     TruthTrack,
     in_stamp_order,
     recorded_poses,
@@ -176,8 +175,7 @@ class ExampleBuilder:
             # The truth before leads to a sweep that is not there, and must not be scored.
             self._interrupt()
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
-        cloud: CloudRows = sweep.source
-        return None if truth is None else truth.of_points(cloud.rows)
+        return truth
 
     def _pose_of(self, sweep: Sweep) -> NDArray[np.float64] | None:
         if self._poses is None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.datasets.exported_sweep import ExportedFlow, ExportedSweep
+from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
@@ -17,7 +17,6 @@ from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.outcomes import estimated
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.online.stream import Stream
-from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.kept_points import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -38,26 +37,28 @@ def exported_sweeps(
     """
     stream = Stream(options.settings, method)
     options = options.for_methods([EvaluatedMethod(method, stream.traits)], pairs=True)
-    findings = Findings()
-    ground = options.settings.ground
+    findings, ground = Findings(), options.settings.ground
     following: tuple[Sweep, NDArray[np.float64]] | None = None
+
+    def without_flow(sweep: Sweep, pose: NDArray[np.float64]) -> ExportedSweep:
+        return ExportedSweep(sweep, ground_mask(sweep.xyz, ground), pose)
+
     with recording.open() as reader:
         for example in read_examples(reader, recording, options, findings):
-            current = example.triplet.current
+            current, truth = example.triplet.current, example.truth
             if following is not None and following[0].stamp_ns != current.stamp_ns:
-                yield _exported(*following, ground)
+                yield without_flow(*following)
             result = estimated(stream, example).result
             estimate = result if isinstance(result, FlowEstimate) else None
             if estimate is None:
                 warn(f"no estimate at stamp {current.stamp_ns}: {result}")
             pose, motion = _poses(example, estimate)
-            flow = ExportedFlow(
-                current.xyz, motion, example.triplet.interval_s, estimate, example.truth
-            )
-            yield _exported(current, pose, ground, flow)
+            is_ground = ground_mask(current.xyz, ground) if truth is None else truth.ground
+            interval_s = example.triplet.interval_s
+            yield ExportedSweep(current, is_ground, pose, motion, interval_s, estimate, truth)
             following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
-        yield _exported(*following, ground)
+        yield without_flow(*following)
     for damage in findings.damages:
         warn(str(damage))
 
@@ -74,21 +75,3 @@ def _poses(
             "method that estimates the ego motion, such as online"
         )
     return estimate.over_ground.world_from_sensor, estimate.over_ground.next_from_current
-
-
-def _exported(
-    sweep: Sweep,
-    pose: NDArray[np.float64],
-    settings: GroundSettings,
-    flow: ExportedFlow | None = None,
-) -> ExportedSweep:
-    truth = None if flow is None else flow.truth
-    return ExportedSweep(
-        stamp_ns=sweep.stamp_ns,
-        xyz=sweep.xyz,
-        rows=sweep.source.rows,
-        num_rows=sweep.source.num_points,
-        ground=ground_mask(sweep.xyz, settings) if truth is None else truth.ground,
-        pose=pose,
-        motion=flow,
-    )

@@ -154,6 +154,21 @@ class TruthCloud:
     stamp_ns: int
     message: Any
 
+    def of(self, sweep: Sweep) -> FlowTruth:
+        """Returns the truth of the points of its sweep.
+
+        Raises:
+            RecordingError: It is damaged, or does not fit the sweep.
+        """
+        cloud: CloudRows = sweep.source
+        truth = FlowTruth.decode(self.message)
+        if len(truth) != cloud.num_points:
+            raise RecordingError(
+                f"truth has {len(truth)} rows, its sweep has {cloud.num_points} points"
+            )
+        _check_points(self.message, truth, sweep)
+        return truth.of_points(cloud.rows)
+
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
     """Yields the truth clouds of a topic in order of reception."""
@@ -174,36 +189,36 @@ class TruthTrack:
         self._name = name
         self._head = next(self._clouds, None)
 
-    def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
-        """Returns the truth of a sweep, and the number of clouds skipped before it.
+    def cloud_of(self, stamp_ns: int) -> tuple[TruthCloud | None, int]:
+        """Returns the truth cloud of a sweep, and the number of clouds skipped before it.
 
         The sweep of a skipped cloud is missing.
         """
         passed_over = 0
-        while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
+        while self._head is not None and self._head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)
             passed_over += 1
-        if self._head is None or self._head.stamp_ns > sweep.stamp_ns + _SAME_STAMP_NS:
+        if self._head is None or self._head.stamp_ns > stamp_ns + _SAME_STAMP_NS:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
-        return self._decoded(cloud, sweep), passed_over
+        return cloud, passed_over
 
-    def _decoded(self, cloud: TruthCloud, sweep: Sweep) -> FlowTruth | None:
-        num_points = sweep.source.num_points
+    def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
+        """Returns the truth of the points of a sweep, and the number of clouds skipped before it.
+
+        Truth that does not fit is reported, and not used.
+        """
+        cloud, passed_over = self.cloud_of(sweep.stamp_ns)
+        if cloud is None:
+            return None, passed_over
         try:
-            truth = FlowTruth.decode(cloud.message)
-            if len(truth) != num_points:
-                raise RecordingError(
-                    f"truth has {len(truth)} rows, its sweep has {num_points} points"
-                )
-            _check_points(cloud.message, truth, sweep)
+            return cloud.of(sweep), passed_over
         except RecordingError as error:
             if self._findings.counts[Event.TRUTH_UNFIT] < _MAX_TOLD:
                 where = f"truth at stamp {cloud.stamp_ns}"
                 self._findings.report(Damage(self._name, where, str(error)))
             self._findings.count(Event.TRUTH_UNFIT)
-            return None
-        return truth
+            return None, passed_over
 
 
 def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa: ANN401

@@ -19,8 +19,8 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import (
-    CloudRows,
     TruthCloud,
+    TruthTrack,
     in_stamp_order,
     recorded_sweeps,
     truth_clouds,
@@ -28,12 +28,8 @@ from mnsf_ros.evaluation.tracks import (
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
-from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
 from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
-
-# Above the rounding of stamps as floating point numbers, below the interval of any lidar.
-_SAME_STAMP_NS: Final = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +49,11 @@ class EstimatedSweep:
     @cached_property
     def example(self) -> Example:
         """The triplet with its truth, without if that is unknown or does not fit."""
-        return Example(self.recording, self.number, self.triplet, self._truth())
-
-    def _truth(self) -> FlowTruth | None:
-        source: CloudRows = self.triplet.current.source
-        if self.truth_cloud is None:
-            return None
-        with suppress(RecordingError):
-            truth = FlowTruth.decode(self.truth_cloud.message)
-            if len(truth) == source.num_points:
-                return truth.of_points(source.rows)
-        return None
+        truth = None
+        if self.truth_cloud is not None:
+            with suppress(RecordingError):
+                truth = self.truth_cloud.of(self.triplet.current)
+        return Example(self.recording, self.number, self.triplet, truth)
 
 
 def estimated_sweeps(
@@ -77,12 +67,10 @@ def estimated_sweeps(
         RecordingError: Damage leaves nothing with a flow.
     """
     findings, name = Findings(), str(reader.path)
-    clouds: Iterator[TruthCloud] = iter(())
-    if topics.truth is not None:
-        found = in_stamp_order(truth_clouds(reader, topics.truth, findings))
-        clouds = (cloud for cloud in found if cloud is not None)
+    clouds = () if topics.truth is None else truth_clouds(reader, topics.truth, findings)
+    truth = TruthTrack(clouds, findings, name)
     sweeps = recorded_sweeps(reader, topics.points, name, stream.settings.time, findings)
-    numbers, head = count(-1), next(clouds, None)
+    numbers = count(-1)
     num_warned = num_estimates = 0
     for sweep in in_stamp_order(sweeps):
         for damage in [*findings.damages][num_warned:]:
@@ -101,12 +89,9 @@ def estimated_sweeps(
         triplet = stream.triplet
         if estimate is None or triplet is None:
             continue
-        stamp_ns = triplet.current.stamp_ns
-        while head is not None and head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
-            head = next(clouds, None)
-        is_known = head is not None and head.stamp_ns <= stamp_ns + _SAME_STAMP_NS
         num_estimates += 1
-        yield EstimatedSweep(name, number, triplet, estimate, head if is_known else None)
+        cloud, _ = truth.cloud_of(triplet.current.stamp_ns)
+        yield EstimatedSweep(name, number, triplet, estimate, cloud)
     if findings.damages and num_estimates == 0:
         raise next(iter(findings.damages)).error()
 
