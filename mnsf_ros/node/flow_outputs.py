@@ -32,7 +32,7 @@ _FULL = OutputSettings()
 class FlowOutputs:
     """`~/flow` with all points, parts of it, `~/ego_motion`, and `~/objects` as several messages.
 
-    rcl allows publishing from any thread; the worker thread of the pipeline does it.
+    rcl allows publishing from any thread; a thread of the pipeline does it.
     """
 
     def __init__(self, node: Node, odom_frame: str) -> None:

@@ -40,8 +40,8 @@ _PAUSE_PERIOD_S = 1.0  # between two lines of one kind in the log
 class SceneFlowParts:
     """Subscribes to `~/points` and, if asked to, `~/odometry`; publishes flow and `/diagnostics`.
 
-    Callbacks of the executor only decode and hand over; the pipeline's worker thread estimates and
-    publishes. Call `close` before destroying the node.
+    Callbacks of the executor only decode and hand over; the pipeline's threads estimate and
+    publish. Call `close` before destroying the node.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class SceneFlowParts:
         return response
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
-        """Runs in the worker thread."""
+        """Runs in the thread of the output."""
         output = self._settings.output
         self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
@@ -177,7 +177,7 @@ class SceneFlowParts:
             self._logger.warning(text, once=True)
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
-        """Runs in the worker thread."""
+        """Runs in a thread of the pipeline."""
         if not self._node.context.ok():
             return
         stamp_ns = job.triplet.current.stamp_ns

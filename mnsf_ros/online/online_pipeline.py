@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A stream of sweeps whose two halves run in worker threads. No ROS in it."""
+"""A stream of sweeps whose halves run in worker threads, as does its output. No ROS in it."""
 
 from __future__ import annotations
 
@@ -55,13 +55,15 @@ class OnlinePipeline:
     """Takes sweeps as they come and hands out flows as they get ready.
 
     Two workers run the halves of a `Stream`: one prepares the sweeps of each triplet, the other one
-    estimates. So the next sweep is made ready while the last estimate is under way. In front of the
-    estimate one triplet waits, and a newer one takes its place: a triplet that is dropped there has
-    cost its preparation, and no more. In front of the preparation a few wait in order.
+    estimates; a third one hands out. So the next sweep is made ready while the last estimate is
+    under way, and the flow before that is published. In front of the estimate one triplet waits,
+    and a newer one takes its place: a triplet that is dropped there has cost its preparation, and
+    no more. So does one flow in front of the output. In front of the preparation a few wait in
+    order.
 
-    `add_sweep`, `change_settings` and `reset` are for one thread only, that of the caller; both
-    callbacks run in the worker that estimates. An error in `on_estimate` counts as a failed
-    estimate; one in `on_failure` is logged and counted.
+    `add_sweep`, `change_settings` and `reset` are for one thread only, that of the caller.
+    `on_estimate` runs in the worker that hands out; an error in it counts as a failed estimate.
+    `on_failure` runs there or in the worker that estimates; an error in it is logged and counted.
     """
 
     def __init__(
@@ -70,7 +72,7 @@ class OnlinePipeline:
         on_estimate: Callable[[TripletJob, FlowEstimate], None],
         on_failure: Callable[[TripletJob, Exception], None],
     ) -> None:
-        """Starts both workers. After a failure the next triplet is tried all the same.
+        """Starts the workers. After a failure the next triplet is tried all the same.
 
         Raises:
             SettingsError: As of `Stream`.
@@ -79,14 +81,17 @@ class OnlinePipeline:
         self._stream = Stream(settings)
         self._on_estimate = on_estimate
         self._on_failure = on_failure
+        self._handing_out = LatestOnlyWorker(self._hand_out, "output")
         self._estimating = LatestOnlyWorker(self._estimate, "estimator")
         self._preparing = LatestOnlyWorker(self._prepare, "preparation", NUM_PREPARED_IN_ORDER)
+        # In the order of a sweep's way.
+        self._workers = (self._preparing, self._estimating, self._handing_out)
 
     @property
     def load(self) -> int:
-        """Triplets at hand: under preparation, being estimated, and waiting for either."""
+        """Triplets at hand: under preparation, being estimated or handed out, and those waiting."""
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
-        return self._preparing.load + self._estimating.load
+        return sum(worker.load for worker in self._workers)
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next estimate on.
@@ -101,7 +106,7 @@ class OnlinePipeline:
     def reset(self) -> None:
         """Forgets all sweeps and all state. An estimate under way is abandoned."""
         self._stream.reset()
-        for worker in (self._preparing, self._estimating):
+        for worker in self._workers:
             if num_forgotten := worker.forget():
                 self.statistics.count(TRIPLETS_ABANDONED, num_forgotten)
 
@@ -125,16 +130,18 @@ class OnlinePipeline:
         return arrival
 
     def close(self, timeout_s: float) -> bool:
-        """Abandons the estimate under way and ends both workers.
+        """Abandons the estimate under way and ends the workers.
 
         Returns False if one is still inside a library call that cannot be interrupted. It will
         hand out nothing any more.
         """
         deadline_s = time.monotonic() + timeout_s
-        # From now on nothing is handed to it any more.
-        self._estimating.close(0.0)
-        workers = (self._preparing, self._estimating)
-        return all(worker.close(max(0.0, deadline_s - time.monotonic())) for worker in workers)
+        # The last one first: from now on nothing is handed on any more.
+        for worker in reversed(self._workers):
+            worker.close(0.0)
+        return all(
+            worker.close(max(0.0, deadline_s - time.monotonic())) for worker in self._workers
+        )
 
     def _prepare(self, job: TripletJob) -> None:
         if self._estimating.submit((job, self._stream.prepare(job.triplet))):
@@ -154,14 +161,21 @@ class OnlinePipeline:
             if is_abandoned():
                 raise CancelledError("the triplet was abandoned")
             estimate = self._stream.estimate(prepared, is_abandoned)
-            if self._estimating.is_closing:
-                return
-            self._on_estimate(job, estimate)
         except OvertakenError:
             self.statistics.count(TRIPLETS_DROPPED)
         except CancelledError:
             self.statistics.count(TRIPLETS_ABANDONED)
         except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream
+            self._fail(job, error)
+        else:
+            if self._handing_out.submit((job, estimate)):
+                self.statistics.count(TRIPLETS_DROPPED)
+
+    def _hand_out(self, flow: tuple[TripletJob, FlowEstimate]) -> None:
+        job, estimate = flow
+        try:
+            self._on_estimate(job, estimate)
+        except Exception as error:  # noqa: BLE001 - as above
             self._fail(job, error)
         else:
             self.statistics.count(FLOWS_OUT)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps are prepared while the last estimate is under way, which changes no flow."""
+"""Sweeps are prepared, estimated and handed out at once, which changes no flow."""
 
 from __future__ import annotations
 
@@ -149,6 +149,34 @@ def test_sweeps_faster_than_their_preparation_are_dropped_before_it_and_the_newe
     assert_balanced(pipeline)
 
 
+def test_a_flow_is_handed_out_while_the_next_one_is_estimated(
+    pipeline, script, add, held, recorder, wait_until
+):
+    held(recorder.gate, pipeline, 0, 1, 2)
+    add(pipeline, 3)
+    wait_until(lambda: script.estimated == stamps(2, 3))
+    assert pipeline.load == 2
+    recorder.gate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert recorder.current_stamps == stamps(1, 2)
+    assert_balanced(pipeline)
+
+
+def test_flows_faster_than_their_output_are_dropped_and_the_newest_wins(
+    pipeline, script, add, held, recorder, wait_until
+):
+    held(recorder.gate, pipeline, 0, 1, 2)
+    for index in range(3, 9):
+        add(pipeline, index)
+        wait_until(lambda: script.estimated[-1] == stamp_ns(index))  # noqa: B023 - called at once
+    wait_until(lambda: pipeline.load == 2)
+    recorder.gate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert recorder.current_stamps == stamps(1, 7)
+    assert counts_of(pipeline)["triplets_dropped"] == 5
+    assert_balanced(pipeline)
+
+
 def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_ones(
     pipeline, script, add, held, quick_settings, wait_until
 ):
@@ -237,6 +265,19 @@ class TestReset:
         add(pipeline, 6, 7, 8)
         wait_until(lambda: pipeline.load == 0)
         assert script.estimated == stamps(8)
+        assert_balanced(pipeline)
+
+    def test_forgets_a_flow_that_waits_for_its_output(
+        self, pipeline, script, add, held, recorder, wait_until
+    ):
+        held(recorder.gate, pipeline, 0, 1, 2)
+        add(pipeline, 3)
+        wait_until(lambda: script.estimated == stamps(2, 3) and pipeline.load == 2)
+        pipeline.reset()
+        recorder.gate.let_go()
+        wait_until(lambda: pipeline.load == 0)
+        assert recorder.current_stamps == stamps(1)
+        assert counts_of(pipeline)["triplets_abandoned"] == 1
         assert_balanced(pipeline)
 
 
