@@ -25,7 +25,7 @@ from mnsf_ros.view.access import SOCKET, Access
 Message = str | bytes
 
 MAX_VIEWERS: Final = 16
-# A viewer that takes longer for one message is dropped.
+# A viewer that takes longer for what waits is dropped.
 _SLOWEST_S: Final = 20.0
 _MAX_COMMAND_BYTES: Final = 4096
 _MAX_COMMANDS: Final = 100
@@ -195,6 +195,8 @@ class _Viewer:
         self._has_news.set()
 
     def put(self, kind: str, message: Message) -> None:
+        # Those of different kinds arrive in the order in which they were published.
+        self._waiting.pop(kind, None)
         self._waiting[kind] = message
         self._has_news.set()
 
@@ -206,13 +208,18 @@ class _Viewer:
             while True:
                 await self._has_news.wait()
                 self._has_news.clear()
-                while self._waiting:
-                    message = self._waiting.pop(next(iter(self._waiting)))
-                    try:
-                        await asyncio.wait_for(self._connection.send(message), _SLOWEST_S)
-                    except asyncio.TimeoutError:
-                        self.drop()
-                        return
+                try:
+                    await asyncio.wait_for(self._send_waiting(), _SLOWEST_S)
+                except asyncio.TimeoutError:
+                    self.drop()
+                    return
+
+    async def _send_waiting(self) -> None:
+        """Returns when all has arrived: buffers on the way hold many scenes, soon old ones."""
+        waiting, self._waiting = self._waiting, {}
+        for message in waiting.values():
+            await self._connection.send(message)
+        await (await self._connection.ping())
 
 
 @contextmanager

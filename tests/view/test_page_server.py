@@ -153,6 +153,21 @@ def test_viewers_that_do_not_read_skip_messages_and_are_dropped(
         until(lambda: server.num_viewers == 1)
 
 
+def test_a_slow_viewer_is_not_far_behind(server: PageServer, address: str) -> None:
+    with joined(address, max_queue=1) as viewer:
+        for number in range(200):
+            server.publish("player", "another")
+            server.publish("scene", bytes([number]) * 200_000)
+            time.sleep(0.002)
+        server.publish("player", "last")
+        received = [viewer.recv(timeout=PATIENCE_S)]
+        while received[-1] != "last":
+            received.append(viewer.recv(timeout=PATIENCE_S))
+    # In the order of publishing.
+    assert received[-2][0] == 199
+    assert len(received) < 20
+
+
 @pytest.mark.parametrize(
     "raw", ["", "no json", "[1]", '{"do": 1}', "[" * 2000, b"\xff", "x" * 5000]
 )
