@@ -131,7 +131,7 @@ class ObjectFlowEstimator:
             objects = ObjectPoints.of(scene.current, settings)
             expected = self._memory.expected(scene.current, objects, scene.interval_s)
             suspects = Suspects.among(objects, targets, expected)
-            searched = suspects.only(suspects.objects.are_nearest(settings.max_suspects))
+            searched = suspects.only(suspects.are_first(settings.max_suspects))
         with clock.stage("first guess"):
             start, is_worth = first_guesses(searched, targets, scene.usual_interval_s, settings)
             fitted = searched.only(is_worth)

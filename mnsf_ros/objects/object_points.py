@@ -64,14 +64,6 @@ class ObjectPoints:
         owners = (np.cumsum(wanted) - 1)[self.owners]
         return self._with_points(np.flatnonzero(wanted[self.owners]), self.numbers[wanted], owners)
 
-    def are_nearest(self, number: int) -> NDArray[np.bool_]:
-        """Returns a (K,) mask of the objects nearest to the sensor, up to a number."""
-        nearest = np.ones(len(self), dtype=bool)
-        if len(self) > number:
-            ranges = (self.centers**2).sum(axis=1)
-            nearest[np.argsort(ranges, kind="stable")[number:]] = False
-        return nearest
-
     def repeated(self, number: int) -> ObjectPoints:
         """Returns the objects several times, as others: a call costs more than a few objects."""
         owners = np.arange(number)[:, None] * len(self) + self.owners

@@ -60,6 +60,14 @@ class Suspects:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def are_first(self, number: int) -> NDArray[np.bool_]:
+        """Returns a (K,) mask of those with a track, then of the nearest ones, up to a number."""
+        is_first = np.ones(len(self), dtype=bool)
+        if len(self) > number:
+            ranges = (self.objects.centers**2).sum(axis=1)
+            is_first[np.lexsort((ranges, ~self.expected.is_known))[number:]] = False
+        return is_first
+
     def only(self, wanted: NDArray[np.bool_]) -> Suspects:
         """Returns the objects of the (K,) mask."""
         return Suspects(

@@ -206,12 +206,12 @@ def test_estimate_can_be_abandoned_before_each_step_and_the_next_one_is_fine():
 class TestManyMovers:
     CARS = tuple((x, -2.0) for x in (-16, -8, 8, 16))
 
-    def triplet(self):
+    def triplet(self, first=0, **how):
         def at(index):
             cars = [(x + 0.6 * index, y) for x, y in self.CARS]
             return STREET.sweep(pose(0.2 * index), index, cars=cars)
 
-        return SweepTriplet(at(0), at(1), at(2))
+        return SweepTriplet(at(first), at(first + 1), at(first + 2), **how)
 
     def moving_share(self, result):
         """Of each car the share of points that are said to move."""
@@ -229,6 +229,15 @@ class TestManyMovers:
         # Nobody looked whether they move: that they stand is doubtful, as of all suspects.
         left_out = result.over_ground.confidence[-1600:].reshape(4, 400)[[0, 3]]
         assert (np.median(left_out, axis=1) < 0.9).all()
+
+    def test_those_with_a_track_are_looked_at_before_nearer_ones(self):
+        stretch, estimator = Stretch(), ObjectFlowEstimator(SETTINGS)
+        for first in range(3):
+            estimator.estimate(self.triplet(first, stretch=stretch))
+        estimator = estimator.with_settings(SETTINGS.changed({"objects.max_suspects": 12}))
+        result = estimator.estimate(self.triplet(3, stretch=stretch))
+        assert result.num_left_out > 0
+        assert (self.moving_share(result) > 0.5).all()
 
     def test_faster_than_the_fastest_object_none_is_found(self):
         each = self.triplet()
