@@ -189,11 +189,11 @@ def _play(node: LiveNode, clouds: Sequence[bytearray]) -> None:
         node.publish(cloud)
         deadline_s = time.monotonic() + _SWEEP_TIMEOUT_S
         while not _is_done(node) and time.monotonic() < deadline_s:
-            node.link.spin_for(_STATUS_S / 5)
+            node.spin_for(_STATUS_S / 5)
 
 
 def _is_done(node: LiveNode) -> bool:
-    counts = node.link.log.counts
+    counts = node.counts
     is_idle = node.num_ended == counts.get("triplets_formed", 0)
     return is_idle and counts.get("sweeps_received", 0) >= node.num_published
 

@@ -136,12 +136,12 @@ def _play(
     with live_node(f"method.name:={method}") as node, busy_cores(num_busy):
         start_s, start_cpu_s = time.monotonic(), node.cpu_s
         for index in range(duration_s * rate_hz):
-            node.link.spin_for(start_s + index / rate_hz - time.monotonic())
+            node.spin_for(start_s + index / rate_hz - time.monotonic())
             node.publish(clouds[index % len(clouds)], 10**9 // rate_hz)
-        node.link.spin_for(3.0)
+        node.spin_for(3.0)
         cpu_ms = 1e3 * (node.cpu_s - start_cpu_s) / (duration_s * rate_hz)
-        estimate_ms = float(node.link.log.values.get("estimate median [ms]", np.nan))
-        fates = _fates(node.replay.published_s, node.replay.arrived_s)
+        estimate_ms = float(node.values.get("estimate median [ms]", np.nan))
+        fates = _fates(node.published_s, node.arrived_s)
         memory_mb = node.memory_mb("VmHWM")
         return Played(float(np.mean(counts)), *fates, estimate_ms, cpu_ms, memory_mb)
 

@@ -167,8 +167,8 @@ def _played(node: LiveNode, rounds: Rounds, rate_hz: int) -> Iterator[Figure]:
     clouds, states = _clouds(), [node.state()]
     start_s = due_s = time.monotonic()
     for _ in rounds:
-        node.link.spin_for(due_s - time.monotonic())
-        node.process.check()
+        node.spin_for(due_s - time.monotonic())
+        node.check()
         node.publish(next(clouds), 10**9 // rate_hz)
         if time.monotonic() - start_s > _LOOK_S * len(states):
             states.append(node.state())
@@ -183,17 +183,17 @@ def soak(rounds: Rounds) -> Iterator[Figure]:
     """24 h at 10 Hz: 20 MB more at most, no thread or descriptor more, all is counted."""
     with live_node(_OFTEN) as node:
         yield from _played(node, rounds, 10)
-        yield "flows", f"{len(node.replay.arrived_s):,}", bool(node.replay.arrived_s)
+        yield "flows", f"{len(node.arrived_s):,}", bool(node.arrived_s)
 
 
 def overload(rounds: Rounds) -> Iterator[Figure]:
     """1 h at 20 Hz beside busy cores: latency of two estimates at most, all is counted."""
     with live_node(_OFTEN) as node, busy_cores(os.cpu_count() or 1):
         yield from _played(node, rounds, 20)
-        flows, sweeps = node.link.log.counts.get("flows_out", 0), node.num_published
+        flows, sweeps = node.counts.get("flows_out", 0), node.num_published
         is_met = 0 < flows < (1 - _MIN_DROPPED) * sweeps
         yield "flows", f"{flows:,} of {sweeps:,} sweeps", is_met
-        values = node.link.log.values
+        values = node.values
         latency_ms, estimate_ms = (
             float(values.get(f"{name} median [ms]", math.nan)) for name in ("latency", "estimate")
         )
@@ -208,14 +208,14 @@ def damaged_clouds(rounds: Rounds) -> Iterator[Figure]:
     with live_node(_OFTEN, "node.always_estimate:=true") as node:
         log_bytes = node.log.stat().st_size
         for number, random in rounds:
-            node.process.check()
+            node.check()
             between = with_stamp(good, FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
             size = _HEAD_BYTES if random.random() < 0.5 else len(between)
             damaged, _ = mutated_bags.mutated(between[:size], random)
-            node.link.points.publish(damaged + between[size:])
+            node.points.publish(damaged + between[size:])
             node.num_published += 1
             node.publish(good)
-            node.link.spin_for(0.02)
+            node.spin_for(0.02)
             if number % 100 == 0:
                 asked += 1
                 answered += _is_answered(node, good)
@@ -232,13 +232,13 @@ def _small_cloud() -> bytearray:
 
 def _is_answered(node: LiveNode, good: bytearray) -> bool:
     """Whether flow arrives for one of some good sweeps in a row."""
-    before = len(node.replay.arrived_s)
+    before = len(node.arrived_s)
     deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
-    while len(node.replay.arrived_s) == before and time.monotonic() < deadline_s:
-        node.process.check()
+    while len(node.arrived_s) == before and time.monotonic() < deadline_s:
+        node.check()
         node.publish(good)
-        node.link.spin_for(0.1)
-    return len(node.replay.arrived_s) > before
+        node.spin_for(0.1)
+    return len(node.arrived_s) > before
 
 
 def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
@@ -251,8 +251,8 @@ def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
             if number % 2 == 0:
                 is_answered = _is_answered(node, good)
                 found["flow after the next start" if is_answered else "wrong: no flow"] += 1
-            node.link.spin_for(random.uniform(0, 1))
-            os.kill(node.process.pid, signal.SIGKILL)
+            node.spin_for(random.uniform(0, 1))
+            node.process.kill()
     yield fates("node killed", found)
 
 
