@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import transformed
-from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.range_view import margin_m
 from mnsf_ros.objects.suspects import MIN_PAST_M, Suspects
@@ -36,9 +36,6 @@ _PAST_NOISE_M: Final = 0.02
 _SLOW_M: Final = 0.3
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.03
-# A motion is that of the track if it differs by less than this plus this share.
-_SAME_MOTION_M: Final = 0.05
-_SAME_MOTION_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +88,6 @@ class Decision:
         moving: The motions that were found.
         seen: What the other sweeps could see of them.
         evidence: (F, E) features for and against their motions.
-        may_move: (F,) whether they are worth following.
         is_moving: (F,) whether they are said to move.
     """
 
@@ -102,7 +98,6 @@ class Decision:
     moving: JudgedMotions
     seen: Visibility
     evidence: NDArray[np.float64]
-    may_move: NDArray[np.bool_]
     is_moving: NDArray[np.bool_]
 
     @cached_property
@@ -143,8 +138,7 @@ def evidence(
     """
     objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    apart = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
-    is_same = expected.is_known & (apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths)
+    is_same = expected.is_known & are_same(moving.motions, expected.motions)
     columns = [
         np.ones(len(suspects)),
         _log_share(moving.cost, standing.cost, _NOISE_M),
@@ -179,8 +173,6 @@ _CLEARLY: Final = 1.25
 # Less than this share of its points in free space is none; nobody could see what is hidden mostly.
 _MIN_FREE: Final = 0.1
 _MAX_HIDDEN: Final = 0.5
-# Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
-_TENTATIVE: Final = 2.0
 
 
 def are_beams(
@@ -199,8 +191,7 @@ def are_beams(
     """
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     along = transformed(objects.centers, next_.to_current) - objects.centers
-    apart = np.sqrt(((moving.motions - along) ** 2).sum(axis=1))
-    goes_along = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
+    goes_along = are_same(moving.motions, along)
     # A shorter way may not show.
     is_far = lengths > _CLEARLY * margin_m(np.sqrt((objects.centers**2).sum(axis=1)))
     beams: NDArray[np.bool_] = (
@@ -212,31 +203,31 @@ def are_beams(
 def moves(
     suspects: Suspects,
     moving: JudgedMotions,
-    are_beams: NDArray[np.bool_],
+    goes_along: NDArray[np.bool_],
     scores: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns masks (K,) of objects that may move, and of those called dynamic.
+) -> NDArray[np.bool_]:
+    """Returns a mask (K,) of the objects called dynamic.
 
     Args:
         suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
-        are_beams: (K,) see `are_beams`.
+        goes_along: (K,) see `are_beams`.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
     standing = suspects.standing
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
-    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~are_beams
-    may_move = moving.total < settings.max_unexplained * standing.total
-    may_move &= (lengths > _MIN_MOTION_M) & is_possible
+    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~goes_along
     odds = settings.min_probability / (1 - settings.min_probability)
-    is_clear = may_move & (scores > np.log(odds))
-    # What was clearly seen to move goes on, also slower, until standing explains as much.
+    is_clear = (scores > np.log(odds)) & (lengths > _MIN_MOTION_M)
+    is_clear &= moving.total < settings.max_unexplained * standing.total
+    # What was seen to move goes on, also slower, until standing explains as much.
     evidence = suspects.expected.evidence
     is_held = (evidence > 0) & (evidence + scores > 0) & (moving.total < standing.total)
-    is_held &= (lengths > _MIN_MOTION_M / 2) & is_possible
+    is_held &= lengths > _MIN_MOTION_M / 2
     is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
-    return is_held | may_move & (scores > np.log(odds) - _TENTATIVE), is_held | is_clear
+    are_dynamic: NDArray[np.bool_] = (is_held | is_clear) & is_possible
+    return are_dynamic

@@ -43,11 +43,7 @@ def follow(
         track = track_of.get(thing) or Track.begun(
             next(numbers), stamp_ns, seen.states[thing], seen.variances[thing]
         )
-        followed.append(
-            track.seen(
-                stamp_ns, points, float(seen.scores[thing]), is_clear=bool(seen.are_clear[thing])
-            )
-        )
+        followed.append(track.seen(stamp_ns, points, float(seen.scores[thing])))
     # What became a part of another thing is not followed by itself.
     unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
     ids = np.array([track.track_id for track in followed], np.int64)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ _MAX_SHARE: Final = 0.8
 _LEVEL_M: Final = 0.05
 # To choose among candidates, a third of the points is enough.
 _POINTS_TO_CHOOSE: Final = 16
+# Motions are the same if they differ by less than this plus this share of the longer one.
+_SAME_MOTION_M: Final = 0.05
+_SAME_MOTION_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +80,16 @@ class JudgedMotions:
             np.where(wins[:, None], other.past, self.past),
             self.disagreement,
         )
+
+
+def are_same(
+    motions: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]
+) -> NDArray[np.bool_]:
+    """Returns (K,) whether motions (K, 3) are as good as others (K, 3), both in metres."""
+    apart = np.sqrt(((motions - others) ** 2).sum(axis=1))
+    longer = np.sqrt(np.maximum((motions**2).sum(axis=1), (others**2).sum(axis=1)))
+    same: NDArray[np.bool_] = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * longer
+    return same
 
 
 def judge(

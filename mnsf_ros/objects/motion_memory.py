@@ -119,7 +119,6 @@ class MotionMemory:
         movers: ObjectPoints,
         moving: JudgedMotions,
         scores: NDArray[np.float64],
-        are_clear: NDArray[np.bool_],
         interval_s: float,
     ) -> tuple[list[Track], NDArray[np.int64]]:
         """Associates movers of the current sweep with the tracks, and updates these.
@@ -129,7 +128,6 @@ class MotionMemory:
             movers: K objects that move.
             moving: Their motions.
             scores: (K,) logarithm of the odds that they move.
-            are_clear: (K,) whether they are said to move.
             interval_s: Time to the next sweep.
 
         Returns:
@@ -139,7 +137,6 @@ class MotionMemory:
             movers,
             moving,
             scores,
-            are_clear,
             current.pose.world_from_sensor,
             interval_s or USUAL_INTERVAL_S,
         )

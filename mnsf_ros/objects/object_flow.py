@@ -142,23 +142,19 @@ class ObjectFlowEstimator:
             features = evidence(fitted, moving, seen, are_parts)
             scores, interval_s = moving_scores(features), scene.usual_interval_s
             beams = are_beams(fitted.objects, moving, seen, targets.near[0])
-            may_move, is_moving = moves(fitted, moving, beams, scores, interval_s, settings)
-        return Decision(
-            suspects, searched, start, fitted, moving, seen, features, may_move, is_moving
-        )
+            is_moving = moves(fitted, moving, beams, scores, interval_s, settings)
+        return Decision(suspects, searched, start, fitted, moving, seen, features, is_moving)
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        may_move, is_moving = decision.may_move, decision.is_moving
-        tracks, ids = self._memory.follow(
+        is_moving = decision.is_moving
+        return self._memory.follow(
             scene.current,
-            decision.fitted.objects.only(may_move),
-            decision.moving.only(may_move),
-            decision.scores[may_move],
-            is_moving[may_move],
+            decision.fitted.objects.only(is_moving),
+            decision.moving.only(is_moving),
+            decision.scores[is_moving],
             scene.interval_s,
         )
-        return tracks, ids[is_moving[may_move]]
 
     def moved(
         self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock

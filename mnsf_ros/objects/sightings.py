@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import ObjectPoints
 
 # Standard deviation of a motion, and what residual and disagreement add to it.
@@ -35,7 +35,6 @@ class Sightings:
         groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
         scores: (G,) logarithm of the odds that they move.
-        are_clear: (G,) whether they are said to move.
         variances: (G, 2) of both along each axis.
         points: (P, 3) metres.
         owners: (P,) int from 0 to G - 1, rising.
@@ -44,7 +43,6 @@ class Sightings:
     groups: NDArray[np.int64]
     states: NDArray[np.float64]
     scores: NDArray[np.float64]
-    are_clear: NDArray[np.bool_]
     variances: NDArray[np.float64]
     points: NDArray[np.float64]
     owners: NDArray[np.int64]
@@ -55,7 +53,6 @@ class Sightings:
         movers: ObjectPoints,
         moving: JudgedMotions,
         scores: NDArray[np.float64],
-        are_clear: NDArray[np.bool_],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Sightings:
@@ -65,7 +62,6 @@ class Sightings:
             movers: K objects that move.
             moving: Their motions.
             scores: (K,) logarithm of the odds that they move.
-            are_clear: (K,) whether they are said to move.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
@@ -88,9 +84,8 @@ class Sightings:
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)
         np.maximum.at(best, groups, scores)
-        clear = np.bincount(groups, are_clear, number) > 0
         states = np.stack([centers, velocities], axis=1)
-        return cls(groups, states, best, clear, variances, points, owners)
+        return cls(groups, states, best, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)
@@ -110,10 +105,8 @@ def _sums(
     return np.stack(columns, axis=1)
 
 
-# Movers this close to each other are one if their motions differ by less than this plus this share.
+# Movers this close to each other are one if their motions are the same.
 _REACH_M: Final = 0.5
-_SAME_MOTION_M: Final = 0.08
-_SAME_MOTION_SHARE: Final = 0.15
 
 
 def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
@@ -128,11 +121,8 @@ def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[
     tree = cKDTree(movers.positions)
     pairs = movers.owners[tree.query_pairs(_REACH_M, output_type="ndarray")]
     first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
-    apart = np.sqrt(((motions[first] - motions[second]) ** 2).sum(axis=1))
-    lengths = np.sqrt((motions**2).sum(axis=1))
-    longer = np.maximum(lengths[first], lengths[second])
-    are_same = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * longer
-    ones = np.ones(np.count_nonzero(are_same), np.int8)
-    graph = coo_matrix((ones, (first[are_same], second[are_same])), shape=(len(movers),) * 2)
+    is_one = are_same(motions[first], motions[second])
+    ones = np.ones(np.count_nonzero(is_one), np.int8)
+    graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)
     groups: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
     return groups

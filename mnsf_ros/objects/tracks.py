@@ -34,9 +34,9 @@ class Track:
         stamp_ns: Time of state and points.
         begun_ns: When it was first seen to move.
         seen_ns: When it was last seen to move.
-        num_seen: In how many sweeps it was clearly seen to move.
+        num_seen: In how many sweeps it was seen to move.
         score: Logarithm of the odds that it moves, by the last sweep that showed it.
-        evidence: Sum of the scores since it was clearly seen to move, at most `_MAX_EVIDENCE`.
+        evidence: Sum of the scores since it was first seen to move, at most `_MAX_EVIDENCE`.
         state: (2, 3) place in metres and velocity in metres per second.
         covariance: (2, 2) of place and velocity, the same along each axis.
         points: (P, 3) metres, where it was last seen, moved to where it should be by now.
@@ -73,17 +73,14 @@ class Track:
             track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, 0.0, state, np.diag(variances), nothing
         )
 
-    def seen(
-        self, stamp_ns: int, points: NDArray[np.float64], score: float, *, is_clear: bool
-    ) -> Track:
+    def seen(self, stamp_ns: int, points: NDArray[np.float64], score: float) -> Track:
         """The track after it was seen again, its state already corrected."""
-        num_seen = self.num_seen + is_clear
         return replace(
             self,
             seen_ns=stamp_ns,
-            num_seen=num_seen,
+            num_seen=self.num_seen + 1,
             score=score,
-            evidence=min(self.evidence + score, _MAX_EVIDENCE) if num_seen else 0.0,
+            evidence=min(self.evidence + score, _MAX_EVIDENCE),
             points=points,
         )
 

@@ -33,9 +33,9 @@ def seen(*centers, velocity=(10.0, 0.0, 0.0), residual=0.0, size=(2.0, 1.5, 1.5)
     motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
     cost = np.full((number, 2), residual)
     moving = JudgedMotions(motions, cost, cost[:, :0], np.zeros(number, np.float32))
-    scores, are_clear = np.full(number, 3.0), np.ones(number, dtype=bool)
+    scores = np.full(number, 3.0)
     objects = objects_at(*centers, size=size)
-    return Sightings.of(objects, moving, scores, are_clear, np.eye(4), INTERVAL_S)
+    return Sightings.of(objects, moving, scores, np.eye(4), INTERVAL_S)
 
 
 class Follower:

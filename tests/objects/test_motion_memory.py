@@ -50,8 +50,7 @@ def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     none = np.zeros(len(objects))
     moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0], none)
-    are_clear = np.ones(len(objects), dtype=bool)
-    return memory.follow(current, objects, moving, none, are_clear, interval_s)
+    return memory.follow(current, objects, moving, none, interval_s)
 
 
 class TestExpected:
