@@ -10,7 +10,7 @@ as in the online method; the last heads, as the tracks expect them, are the warm
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -63,7 +63,7 @@ class FieldFlow(JudgedMotions):
             for some in (targets.near, targets.past)
         )
         motions = heads[:, 0].astype(np.float32)
-        return cls(motions, near, past, np.zeros(len(heads), np.float32), heads)
+        return cls(motions, near, past, heads)
 
 
 class NeuralEstimator(ObjectFlowEstimator):
@@ -95,9 +95,7 @@ class NeuralEstimator(ObjectFlowEstimator):
             forward, backward = flows[0], flows[len(targets.near) - 1]
             # Their mean is a candidate of its own: their errors often have opposite signs.
             mean = FieldFlow.of(few, targets, (forward.heads + backward.heads) / 2)
-            fused_flow = FieldFlow.of(points, targets, fused([*flows, mean]))
-            disagreement = np.linalg.norm(forward.motions - backward.motions, axis=1)
-            return replace(fused_flow, disagreement=disagreement)
+            return FieldFlow.of(points, targets, fused([*flows, mean]))
 
     def over_ground(
         self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]

@@ -37,13 +37,11 @@ class JudgedMotions:
         near: (K, 2) metres, unexplained by the next and by the previous sweep, see
             `Target.residuals`; (K, 1) without a previous one.
         past: (K, P) metres, unexplained by P older sweeps.
-        disagreement: (K,) metres, between forward and inverted backward flow.
     """
 
     motions: NDArray[np.float32]
     near: NDArray[np.float64]
     past: NDArray[np.float64]
-    disagreement: NDArray[np.float32]
 
     @cached_property
     def total(self) -> NDArray[np.float64]:
@@ -60,9 +58,7 @@ class JudgedMotions:
 
     def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> JudgedMotions:
         """Returns the objects of the (K,) mask, or of rows."""
-        return JudgedMotions(
-            self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
-        )
+        return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
     def limit(self, share: float) -> NDArray[np.float64]:
         """(K,) metres, the total below which a motion is clearly better, see `better`."""
@@ -78,7 +74,6 @@ class JudgedMotions:
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
             np.where(wins[:, None], other.past, self.past),
-            self.disagreement,
         )
 
 
@@ -96,7 +91,6 @@ def judge(
     objects: ObjectPoints,
     targets: Targets,
     motions: NDArray[np.float32],
-    disagreement: NDArray[np.float32] | None = None,
     most_m: NDArray[np.float64] | float = np.inf,
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
@@ -105,7 +99,6 @@ def judge(
         objects: K objects.
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
-        disagreement: (K,) metres, 0 if not given.
         most_m: (K,) metres; totals above are infinite.
     """
     sweeps = (*targets.near, *targets.past)
@@ -116,10 +109,8 @@ def judge(
         residuals[:, column] = target.residuals(objects, motions, size * left_m)
         left_m = left_m - residuals[:, column] / size
     residuals[left_m < 0] = np.inf
-    if disagreement is None:
-        disagreement = np.zeros(len(objects), np.float32)
     near, past = np.split(residuals, [len(targets.near)], axis=1)
-    return JudgedMotions(motions, near, past, disagreement)
+    return JudgedMotions(motions, near, past)
 
 
 def best_of(
@@ -167,11 +158,10 @@ def fuse_motions(
     """
     forward, inverted = _levelled(forward), _levelled(inverted)
     mean = np.float32(0.5) * (forward + inverted)
-    disagreement = np.sqrt(((forward - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
     fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
     best = best_of(some, targets, fitted, others, _MAX_SHARE)
-    return judge(objects, targets, best.motions, disagreement)
+    return judge(objects, targets, best.motions)
 
 
 def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -16,10 +16,9 @@ from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import ObjectPoints
 
-# Standard deviation of a motion, and what residual and disagreement add to it.
+# Standard deviation of a motion, and what its residual adds to it.
 _MOTION_M: Final = 0.02
 _PER_RESIDUAL: Final = 0.5
-_PER_DISAGREEMENT: Final = 0.3
 # Of the middle of the visible points: of a person, and by how much of its length that of a vehicle
 # shifts when another side comes into view.
 _PLACE_M: Final = 0.05
@@ -75,7 +74,7 @@ class Sightings:
         centers = _sums(points, owners, number) / weights
         motions = _sums(moving.motions * counts[:, None], groups, number) / weights
         velocities = turned(motions, world_from_sensor[:3, :3]) / interval_s
-        errors = _MOTION_M + _PER_RESIDUAL * moving.cost + _PER_DISAGREEMENT * moving.disagreement
+        errors = _MOTION_M + _PER_RESIDUAL * moving.cost
         velocity_errors = np.bincount(groups, errors * counts, number) / weights[:, 0] / interval_s
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         # Of points spread evenly over a length, the standard deviation is its 0.29th part.

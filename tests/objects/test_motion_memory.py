@@ -49,7 +49,7 @@ def object_at(*centers):
 def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     none = np.zeros(len(objects))
-    moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0], none)
+    moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0])
     return memory.follow(current, objects, moving, none, interval_s)
 
 
