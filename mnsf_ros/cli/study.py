@@ -16,6 +16,7 @@ from mnsf_ros.cli.arguments import (
     number_or_all,
 )
 from mnsf_ros.cli.console import Console
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
 
 _NAMES = {
@@ -64,11 +65,13 @@ def run_study(options: argparse.Namespace) -> None:
         num_points = ALL if options.name == "stability" else 2048
     study = StudyOptions(
         out=options.out or Path(f"study_{options.name}"),
-        settings=chosen_settings(options),
+        evaluation=EvaluationOptions(
+            chosen_settings(options),
+            num_points=None if num_points == ALL else num_points,
+            seed=options.seed,
+            max_examples=options.max_examples,
+        ),
         recordings=tuple(options.bags),
-        num_points=None if num_points == ALL else num_points,
-        max_examples=options.max_examples,
-        seed=options.seed,
         resume=options.resume,
         command=("mnsf", *sys.argv[1:]),
         say=console.say,

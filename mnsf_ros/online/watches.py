@@ -101,26 +101,18 @@ class FlowWatch:
         return f"no flow: {_REASONS[name]} (see {name})"
 
     def _busy(self, snapshot: StatisticsSnapshot, now_s: float) -> str:
-        recent = snapshot.counts - self._asked[0][1]
-        flows, dropped = recent[FLOWS_OUT], recent[TRIPLETS_DROPPED]
-        rate_hz = snapshot.input_rate_hz(now_s)
-        interval_ms = 1e3 / rate_hz if rate_hz > 0 else math.nan
-        return busy_text(flows, flows + dropped, snapshot.estimate_ms, interval_ms)
-
-
-def busy_text(num_flows: int, num_possible: int, estimate_ms: float, interval_ms: float) -> str:
-    """Text on missing flows, their cause and the remedy. Times that are NaN are left out."""
-    cores = os.cpu_count() or 1
-    reasons = [
-        f"an estimate takes {estimate_ms:.0f} ms" if math.isfinite(estimate_ms) else "",
-        f"sweeps come every {interval_ms:.0f} ms" if math.isfinite(interval_ms) else "",
-        f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}",
-    ]
-    return (
-        f"CPU busy: {num_flows} of {num_possible} flows "
-        f"({', '.join(reason for reason in reasons if reason)}). "
-        "Close other programs, or lower crop.max_range_m."
-    )
+        recent, cores = snapshot.counts - self._asked[0][1], os.cpu_count() or 1
+        flows, rate_hz = recent[FLOWS_OUT], snapshot.input_rate_hz(now_s)
+        possible = flows + recent[TRIPLETS_DROPPED]
+        reasons = [f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}"]
+        if rate_hz > 0:
+            reasons.insert(0, f"sweeps come every {1e3 / rate_hz:.0f} ms")
+        if math.isfinite(snapshot.estimate_ms):
+            reasons.insert(0, f"an estimate takes {snapshot.estimate_ms:.0f} ms")
+        return (
+            f"CPU busy: {flows} of {possible} flows ({', '.join(reasons)}). "
+            "Close other programs, or lower crop.max_range_m."
+        )
 
 
 class MissedClouds:

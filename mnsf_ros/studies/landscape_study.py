@@ -52,14 +52,14 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
     Raises:
         MnsfError: A recording or a setting cannot be used, or a fit fails.
     """
-    if options.settings.ego_motion.removed:
+    if options.evaluation.settings.ego_motion.removed:
         raise SettingsError(
             "ego_motion.removed is true, expected false: the landscape is that of networks in the "
             "sensor's frame"
         )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    bench, networks = _fitted(example.triplet, options.evaluation().settings)
+    bench, networks = _fitted(example.triplet, options.evaluation.settings)
     found = {}
     for name, (network, loss_of) in _losses(bench, networks).items():
         options.say(f"looking around {name}")
@@ -100,7 +100,7 @@ class Landscape:
 
 def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> Landscape:
     """Measures the loss around the weights of a network."""
-    case, generator = options.case, torch.Generator().manual_seed(options.seed)
+    case, generator = options.case, torch.Generator().manual_seed(options.evaluation.seed)
     pair = [random_direction(network, generator) for _ in range(2)]
     axis = np.linspace(-case.radius, case.radius, case.steps, dtype=np.float64)
     places = [(x, y) for y in axis for x in axis]

@@ -99,7 +99,9 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         MnsfError: A recording or a setting cannot be used.
         OSError: Writing fails.
     """
-    evaluation = replace(options.evaluation(study.num_sweeps), num_pictured=_NUM_PICTURED)
+    evaluation = replace(
+        options.evaluation, num_sweeps=study.num_sweeps, num_pictured=_NUM_PICTURED
+    )
     methods = evaluated_methods(study.variants.values(), evaluation)
     # The evaluation has a folder of its own beside the simulated street.
     recordings = study_recordings(options, study.num_sweeps)

@@ -34,7 +34,8 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
     """
     check_folder(options.out, resume=options.resume)
     if name == "stability":
-        options = replace(options, settings=stability_settings(options.settings))
+        settings = stability_settings(options.evaluation.settings)
+        options = replace(options, evaluation=replace(options.evaluation, settings=settings))
     result = STUDIES[name](options)
     options.out.mkdir(parents=True, exist_ok=True)
     paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
@@ -45,16 +46,18 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
 
 
 def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
+    evaluation, number = options.evaluation, options.evaluation.num_points
     parts = [f"# {result.title}", *map(markdown_text, result.texts)]
     parts += [table.markdown().rstrip("\n") for table in result.tables]
     parts += [f"![{result.title}]({name}.png)", "## Run"]
     facts = {
-        "seed": str(options.seed),
-        "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
+        "seed": str(evaluation.seed),
+        "points of a sweep": "all" if number is None else f"{number:,}",
         "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
     }
     lines = [f"* {fact}: {markdown_text(text)}" for fact, text in facts.items()]
     parts.append("\n".join([*session_lines(session_now(options.command)), *lines]))
-    lines = [f"| {setting} | {value} |" for setting, value in options.settings.to_mapping().items()]
+    settings = evaluation.settings.to_mapping()
+    lines = [f"| {setting} | {value} |" for setting, value in settings.items()]
     parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
     return "\n\n".join(parts) + "\n"

@@ -59,7 +59,7 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
     Raises:
         MnsfError: A recording or a setting cannot be used, or an estimate fails.
     """
-    settings = options.evaluation().settings
+    settings = options.evaluation.settings
     estimators = {
         method: make_method(method, settings) for method in options.case.methods.split(",")
     }
@@ -91,7 +91,7 @@ def changes(
     sweeps = _full_sweeps(triplet, max(options.case.numbers_of_points))
     tree = cKDTree(triplet.next.kept_xyz)
     for size, repeat in product(options.case.numbers_of_points, range(options.case.repeats)):
-        random = np.random.default_rng([options.seed, size, repeat])
+        random = np.random.default_rng([options.evaluation.seed, size, repeat])
         # So many rows of each sweep, and one more.
         drawn = {
             name: random.choice(len(sweep), size + 1, replace=False)

@@ -17,7 +17,6 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
 from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.setting import check_declared, declared
-from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -71,48 +70,22 @@ class StudyOptions:
 
     Attributes:
         out: Folder for all files of the study.
-        settings: How to estimate.
+        evaluation: How to estimate, and which examples; case studies use the first one alone. Its
+            seed is also that of the street and all other draws.
         recordings: Paths of recordings; if empty, a street is simulated.
-        num_points: Number of random points of each sweep; None for all.
-        max_examples: Maximum number of examples of each recording, from its beginning; None for
-            all. Case studies use the first one alone.
-        seed: Of the points, the start weights, the street, and all other draws.
         resume: Whether to continue with the files in the folder.
         command: The command line, for the record.
         say: Gets one line for each step.
         case: Settings of the case studies.
-
-    Raises:
-        EvaluationError: If a number is out of its range.
     """
 
     out: Path
-    settings: Settings
+    evaluation: EvaluationOptions
     recordings: tuple[Path, ...] = ()
-    num_points: int | None = 2048
-    max_examples: int | None = None
-    seed: int = 0
     resume: bool = False
     command: tuple[str, ...] = ()
     say: Callable[[str], None] = lambda text: None
     case: CaseStudySettings = field(default_factory=CaseStudySettings)
-
-    def __post_init__(self) -> None:
-        self.evaluation()
-
-    def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:
-        """Returns the options of the evaluator.
-
-        Raises:
-            EvaluationError: If a number is out of its range.
-        """
-        return EvaluationOptions(
-            self.settings,
-            num_points=self.num_points,
-            seed=self.seed,
-            num_sweeps=num_sweeps,
-            max_examples=self.max_examples,
-        )
 
 
 @dataclass(frozen=True)
@@ -156,8 +129,11 @@ def _simulated_street(options: StudyOptions, num_sweeps: int) -> Path:
     if not path.exists():
         options.say("simulating a street")
         # An example lies between the sweeps before it and the one after.
-        total = (options.max_examples or _SIMULATED_EXAMPLES) + num_sweeps - 1
-        settings = SimulationSettings(options.seed, num_beams=_BEAMS, num_columns=_COLUMNS)
+        evaluation = options.evaluation
+        total = (evaluation.max_examples or _SIMULATED_EXAMPLES) + num_sweeps - 1
+        settings = SimulationSettings(
+            options.evaluation.seed, num_beams=_BEAMS, num_columns=_COLUMNS
+        )
         write_recording(replace(settings, duration_s=total / settings.rate_hz), path)
     return path
 
@@ -170,6 +146,6 @@ def first_example(options: StudyOptions) -> Example:
     """
     for recording in study_recordings(options):
         with recording.open() as reader:
-            for example in read_examples(reader, recording, options.evaluation(), Findings()):
+            for example in read_examples(reader, recording, options.evaluation, Findings()):
                 return example
     raise RecordingError("the recordings hold no three sweeps in a row")

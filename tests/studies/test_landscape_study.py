@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import nn
 
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.presets import preset
 from mnsf_ros.studies.landscape_study import landscape, losses_along, random_direction
 from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
@@ -56,7 +57,9 @@ def test_weights_are_put_back_even_after_an_error(network):
 
 def test_landscape_of_a_bowl_is_lowest_in_the_middle(network, tmp_path):
     options = StudyOptions(
-        tmp_path, preset("paper"), seed=5, case=CaseStudySettings(steps=5, directions=3)
+        tmp_path,
+        EvaluationOptions(preset("paper"), seed=5),
+        case=CaseStudySettings(steps=5, directions=3),
     )
     found = landscape(network, bowl(network), options)
     assert found.losses_m.shape == (5, 5)

@@ -13,6 +13,7 @@ import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.presets import preset
 from mnsf_ros.studies.stability_study import changes, fitted_slope
 from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
@@ -44,7 +45,7 @@ def changes_of(tmp_path):
 
     def changes_with(estimator, triplet, sizes="100,300,900", repeats=40):
         case = CaseStudySettings(sizes=sizes, repeats=repeats)
-        options = StudyOptions(tmp_path, preset("paper"), case=case)
+        options = StudyOptions(tmp_path, EvaluationOptions(preset("paper")), case=case)
         return list(changes("mean", estimator, triplet, options))
 
     return changes_with

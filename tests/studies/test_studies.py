@@ -10,6 +10,7 @@ from functools import cache
 import pytest
 
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
 from mnsf_ros.studies.run_study import STUDIES, run_study
@@ -36,10 +37,10 @@ def street(make_street):
 def options_in(folder, street):
     return StudyOptions(
         out=folder / "study",
-        settings=preset("paper").changed(FEW_STEPS),
+        evaluation=EvaluationOptions(
+            preset("paper").changed(FEW_STEPS), num_points=100, max_examples=2
+        ),
         recordings=(street,),
-        num_points=100,
-        max_examples=2,
         case=SMALL,
     )
 
@@ -102,12 +103,14 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
     assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
+    others = replace(options.evaluation, max_examples=None)
     with pytest.raises(MnsfError, match="max_examples"):
-        run_study("fusion", replace(options, resume=True, max_examples=None))
+        run_study("fusion", replace(options, resume=True, evaluation=others))
 
 
 def test_without_recordings_a_street_is_simulated(options):
-    options = replace(options, recordings=(), max_examples=1)
+    first = replace(options.evaluation, max_examples=1)
+    options = replace(options, evaluation=first, recordings=())
     result, _ = run_study("landscape", options)
     assert (options.out / "street" / "metadata.yaml").exists()
     assert "of street" in result.texts[1]
