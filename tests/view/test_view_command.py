@@ -65,6 +65,7 @@ def test_a_recording_is_played_stepped_and_changed_on_the_page(
 
         browser.click("#layers button:nth-child(3)")
         browser.until("document.querySelector('#layers .on').textContent === 'error'")
+        browser.until("document.body.dataset.layer === 'error'")
         selection = "document.querySelector('#selection').textContent"
         browser.click_at(330, 400)
         browser.until(f"{selection}.includes('Decided by the stage')")

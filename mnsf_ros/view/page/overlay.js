@@ -153,7 +153,8 @@ export class Overlay {
   // Labels of near objects come first; where one has no place, it is left out.
   drawLabels(objects, selected) {
     const context = this.context;
-    const placed = [[this.width - 110, this.bottom - 130, this.width, this.bottom]];  // the legend
+    const legend = [this.width - 110, this.bottom - 130, this.width, this.bottom];
+    const placed = [legend, ...this.covered];
     const near = [...objects].sort((a, b) => (b.id === selected) - (a.id === selected)
       || Math.hypot(...a.center) - Math.hypot(...b.center));
     context.font = "12px system-ui, 'DejaVu Sans', sans-serif";

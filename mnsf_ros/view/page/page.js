@@ -39,6 +39,7 @@ const HANDLERS = {
     player.show(message);
     layer = message.layer;
     showLayers(message.layers);
+    draw();
   },
   knobs: (message) => knobs.show(message),
   status: (message) => status.show(message),
@@ -119,9 +120,13 @@ function draw() {
     const clipFromFrame = camera.clipFromFrame(width / height);
     points.draw(product(clipFromFrame, frameFromSensor), camera.distance);
     const bottom = find("#player").hidden ? height : find("#player").offsetTop;
+    const covered = [...document.querySelectorAll("header, nav")].map((one) => {
+      const { left, top, right, bottom } = one.getBoundingClientRect();
+      return [left, top, right, bottom];
+    });
     overlay.draw(scene, { clipFromFrame, frameFromSensor, frameFromWorld, width, height, bottom,
-      scale, selected, layer, azimuth: camera.azimuth });
-    document.body.dataset.stamp = scene?.stamp ?? "";
+      covered, scale, selected, layer, azimuth: camera.azimuth });
+    Object.assign(document.body.dataset, { stamp: scene?.stamp ?? "", layer });
   });
 }
 
