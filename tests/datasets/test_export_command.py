@@ -174,6 +174,8 @@ def test_a_submission_has_the_points_of_the_masks(street, tmp_path, truth, capsy
             known = truth[stamp].of_points(np.flatnonzero(mask))
             errors = np.column_stack(list(columns.values())[:3]) - known.flow
             assert np.nanmedian(np.linalg.norm(errors, axis=1)) < 0.05
+            # The street is coarse, and these are its first sweeps.
+            assert (columns["is_dynamic"] == known.dynamic)[known.valid].mean() > 0.7
 
 
 @pytest.mark.parametrize(
