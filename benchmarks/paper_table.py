@@ -51,7 +51,7 @@ Arrays = dict[str, NDArray[Any]]
 # The ablations that are not here are those of `mnsf study`.
 ROWS: Final = (
     *("nsfp", "fnsf", "mnsf-no-backward", "mnsf+fusion.kind=mean", "mnsf+fusion.inversion=false"),
-    *("mnsf", "mnsf-cycle", "authors/mnsf", "online"),
+    *("mnsf", "mnsf-cycle", "authors/mnsf", "online", "neural"),
 )
 NUM_SEEDS: Final = 3
 # Column of a result, to its title, decimals and factor.
