@@ -210,7 +210,7 @@ class FlowEstimate:
             the crop) have the flow of the same fields, or of the ego motion.
         times_ms: Stage to wall time: prepare, forward, backward, fusion and others.
         fits: Stage to result of its optimization, for forward, backward and fusion.
-        start: Whether the networks were carried over from the last triplet.
+        start: Whether it went on from the last triplet, or why not.
         device: `cpu` or `cuda`.
         distance_kind: `grid` or `tree`; empty for methods that have neither.
         precision: Of the products between hidden layers, `float32` or `bfloat16`; empty for methods

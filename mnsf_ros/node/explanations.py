@@ -31,9 +31,14 @@ class Explanations:
         self._answers = node.create_publisher(DiagnosticArray, "~/explanation", 10)
         node.create_subscription(PointStamped, "~/explain", self._answer, 10)
 
+    @property
+    def are_watched(self) -> bool:
+        """Whether answers have a subscriber."""
+        return bool(self._answers.get_subscription_count() > 0)
+
     def keep(self, triplet: SweepTriplet, estimate: FlowEstimate) -> None:
         """Keeps an estimate for questions. May be called from any thread."""
-        if self._answers.get_subscription_count() > 0:
+        if self.are_watched:
             self._estimates.append((triplet, estimate))
         else:
             self._estimates.clear()
@@ -45,7 +50,7 @@ class Explanations:
         asked_ns = question.header.stamp.sec * NANOSECONDS + question.header.stamp.nanosec
         estimates = [*self._estimates]
         if not estimates:
-            status.message = "no sweep has been estimated since somebody listens"
+            status.message = "no sweep was estimated since this topic has a subscriber"
         else:
             triplet, estimate = min(
                 reversed(estimates),

@@ -203,7 +203,7 @@ def are_beams(
 def moves(
     suspects: Suspects,
     moving: JudgedMotions,
-    goes_along: NDArray[np.bool_],
+    beams: NDArray[np.bool_],
     scores: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
@@ -213,20 +213,20 @@ def moves(
     Args:
         suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
-        goes_along: (K,) see `are_beams`.
+        beams: (K,) see `are_beams`.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
     standing = suspects.standing
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
-    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~goes_along
+    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~beams
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = (scores > np.log(odds)) & (lengths > _MIN_MOTION_M)
     is_clear &= moving.total < settings.max_unexplained * standing.total
     # What was seen to move goes on, also slower, until standing explains as much.
-    evidence = suspects.expected.evidence
-    is_held = (evidence > 0) & (evidence + scores > 0) & (moving.total < standing.total)
+    so_far = suspects.expected.evidence
+    is_held = (so_far > 0) & (so_far + scores > 0) & (moving.total < standing.total)
     is_held &= lengths > _MIN_MOTION_M / 2
     is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
     are_dynamic: NDArray[np.bool_] = (is_held | is_clear) & is_possible

@@ -116,7 +116,7 @@ def test_questions_without_an_answer(asking):
     refused.append(asking.ask(501.0, 0.0))
     assert all(status.level == DiagnosticStatus.WARN for _, status in refused)
     assert [status.message.partition(" (")[0] for _, status in refused] == [
-        "no sweep has been estimated since somebody listens",
+        "no sweep was estimated since this topic has a subscriber",
         "no point within 2 m of",
         "the place is in 'map', expected 'lidar'",
         "this method gives no reasons; online does",

@@ -7,7 +7,7 @@ import itertools
 import time
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from node_harness import stamp_of
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
@@ -80,6 +80,17 @@ class TestWithoutSubscribers:
         sweeps = map(drive.sweep, itertools.count(50))
         resting_peer.send_until(sweeps, lambda: resting_peer.flows, "the first flow")
         resting_peer.stop_watching()
+        self.send_until_it_rests(resting_peer, drive)
+
+    def test_who_listens_for_explanations_is_a_subscriber(self, resting_peer, drive):
+        flows_out = resting_peer.count("flows_out")
+        topic = f"{resting_peer.node_name}/explanation"
+        listener = resting_peer.node.create_subscription(DiagnosticArray, topic, id, 10)
+        sweeps = map(drive.sweep, itertools.count(75))
+        resting_peer.send_until(
+            sweeps, lambda: resting_peer.count("flows_out") > flows_out, "an estimate"
+        )
+        resting_peer.node.destroy_subscription(listener)
         self.send_until_it_rests(resting_peer, drive)
 
     def test_it_works_on_with_always_estimate(self, resting_peer, drive):
