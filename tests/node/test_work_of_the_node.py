@@ -84,7 +84,7 @@ class TestWithoutSubscribers:
 
     def test_who_listens_for_explanations_is_a_subscriber(self, resting_peer, drive):
         flows_out = resting_peer.count("flows_out")
-        topic = f"{resting_peer.node_name}/explanation"
+        topic = "/resting/explanation"
         listener = resting_peer.node.create_subscription(DiagnosticArray, topic, id, 10)
         sweeps = map(drive.sweep, itertools.count(75))
         resting_peer.send_until(
