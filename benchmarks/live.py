@@ -112,14 +112,16 @@ def _runs(recorded_s: int, street_s: int) -> Iterator[tuple[str, Played]]:
     num_busy = (os.cpu_count() or 1) // 2
     if kitti := to_and_fro(item.sweep for item in real_sweeps("kitti_0005")[:24]):
         yield _KITTI, _play(kitti, recorded_s)
-        yield _KITTI + ", 20 Hz", _play(kitti, recorded_s, rate_hz=20)
-        yield _NEURAL + _KITTI, _play(kitti, recorded_s, method="neural")
+        for again in ("", ", again"):
+            yield _NEURAL + _KITTI + again, _play(kitti, recorded_s, method="neural")
         loaded = _play(kitti, recorded_s, num_busy=num_busy, method="neural")
         yield _NEURAL + _KITTI + _LOADED, loaded
     street = [item.sweep for item in simulated_drive(0, 10 * street_s)]
     yield _STREET, _play(street, street_s)
     yield _NEURAL + _STREET, _play(street, street_s, method="neural")
     yield _STREET + _LOADED, _play(street, street_s, num_busy=num_busy)
+    fast = simulated_drive(0, 20 * street_s, rate_hz=20)
+    yield _STREET + ", 20 Hz", _play((item.sweep for item in fast), street_s, rate_hz=20)
     dense = simulated_drive(0, 10 * street_s, num_beams=128, num_columns=1760)
     yield _DENSE, _play((item.sweep for item in dense), street_s)
 
