@@ -106,6 +106,9 @@ def test_clouds_before_a_publisher_was_found_are_counted(deserted, drive):
         # Usually the node does not know of the publisher yet, and hears none of these.
         for _ in range(5):
             publisher.publish(drive.sweep(0))
+        # Each must know of the other: what is published between is heard by nobody, for ever.
+        found = {"publishers": "1", "reliability": "reliable"}.items()
+        deserted.spin_until(lambda: found <= deserted.values("input").items(), "the publisher")
         deserted.spin_until(lambda: publisher.get_subscription_count() == 1, "the node")
         publisher.publish(drive.sweep(1))
         deserted.spin_until(lambda: num_counted() - before == 6, "six clouds to be counted")
