@@ -139,4 +139,4 @@ config: $(READY)
 		> docs/parameters.new && mv docs/parameters.new docs/parameters.md
 
 clean:
-	rm -rf $(VENV) demo build install log *.egg-info
+	rm -rf $(VENV) $(STREET) build install log *.egg-info
