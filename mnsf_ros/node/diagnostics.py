@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+import os
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -17,21 +18,45 @@ from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.node.node_log import FaultLog
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
+    FLOWS_OUT,
     SWEEPS_RECEIVED,
+    TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
-from mnsf_ros.online.watches import (
-    CLOUDS_EMPTY,
-    CLOUDS_MISSED,
-    CLOUDS_UNDECODABLE,
-    SWEEPS_LOST,
-    FlowWatch,
-)
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import NodeSettings, Settings
 from mnsf_ros.sweeps.sweep import Start
 
+CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
+CLOUDS_EMPTY: Final = "clouds_empty"
+CLOUDS_MISSED: Final = "clouds_missed"
+SWEEPS_LOST: Final = "sweeps_lost_in_transport"
+
+_ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
+# Signs that the node does what it should.
+_WELL: Final = (FLOWS_OUT, TRIPLETS_UNWATCHED)
+# Counter to what keeps the flow from coming if it grows.
+_REASONS: Final = {
+    "sweeps_frame_changed": "frame_id changes from sweep to sweep, as of two lidars on one topic",
+    "sweeps_duplicate": "sweeps have the same stamp",
+    "sweeps_out_of_order": "stamps go backwards",
+    "sweeps_time_went_back": "stamps jump back again and again",
+    "sweeps_gap": "sweeps are more than buffer.max_interval_s apart",
+    CLOUDS_UNDECODABLE: "clouds cannot be decoded",
+    CLOUDS_EMPTY: "clouds have no finite point",
+    ESTIMATES_FAILED: "every estimate fails",
+    TRIPLETS_DROPPED: "the estimate under way takes too long",
+}
+
 _LOST_SHARE: Final = 0.2  # of clouds lost to sweeps received; above it is an error
+_WINDOW_S: Final = 10.0  # of rates
+
+_OK, _WARN, _ERROR, _STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +71,13 @@ class InputState:
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
 
 
+class _Moment(NamedTuple):
+    """The counters at one time of a steady clock."""
+
+    time_s: float
+    counts: Counter[str]
+
+
 class Diagnostics:
     """Makes the statuses `input`, `flow` and `ego motion`; warns when input is silent."""
 
@@ -54,108 +86,120 @@ class Diagnostics:
     ) -> None:
         """`node_name` is the full name; `find_topics` returns the published topics of clouds."""
         self._node_name, self._faults, self._find_topics = node_name, faults, find_topics
-        self._listens_since_s = time.monotonic()
-        self._flow_watch = FlowWatch()
-        self._last_counts: Counter[str] = Counter()
+        start = _Moment(time.monotonic(), Counter())
+        self._listens_since_s = start.time_s
+        self._well = start  # the last moment with flow, or without a reason to expect any
+        self._moments = deque([start])  # of the window, oldest first; the last one is now
         self._new: Counter[str] = Counter()  # counts since the last statuses
 
     def statuses(
-        self,
-        snapshot: StatisticsSnapshot,
-        state: InputState,
-        load: int,
-        settings: Settings,
+        self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
     ) -> list[DiagnosticStatus]:
         """The statuses as of now; `load` is the number of triplets in the pipeline."""
-        now_s, limits = time.monotonic(), settings.node
-        self._new = snapshot.counts - self._last_counts
-        self._last_counts = snapshot.counts
+        self._look(snapshot, settings.node)
+        if state.pause:
+            self._listens_since_s = self._now_s
         statuses = [
-            self._input_status(snapshot, state, limits.stale_after_s, now_s),
-            self._flow_status(snapshot, load, settings, now_s),
+            self._input_status(snapshot, state, settings.node),
+            self._flow_status(snapshot, load, settings),
             self._ego_motion_status(snapshot, settings.ego_motion.source),
         ]
         for status in statuses:
             status.hardware_id = state.topic
             if state.pause:
-                status.level, status.message = DiagnosticStatus.OK, state.pause
+                status.level, status.message = _OK, state.pause
         return statuses
 
+    def _look(self, snapshot: StatisticsSnapshot, limits: NodeSettings) -> None:
+        now = _Moment(time.monotonic(), snapshot.counts)
+        self._new = now.counts - self._moments[-1].counts
+        self._moments.append(now)
+        while len(self._moments) > 2 and self._moments[1].time_s <= now.time_s - _WINDOW_S:
+            self._moments.popleft()
+        last_s = max(snapshot.last_s.get(event, -math.inf) for event in _ARRIVALS)
+        is_silent = now.time_s - last_s > limits.stale_after_s
+        if is_silent or any(self._new[event] for event in _WELL):
+            self._well = now
+
+    @property
+    def _now_s(self) -> float:
+        return self._moments[-1].time_s
+
+    def _rate_hz(self, event: str) -> float:
+        first, last = self._moments[0], self._moments[-1]
+        return (last.counts[event] - first.counts[event]) / max(last.time_s - first.time_s, 1e-9)
+
     def _input_status(
-        self, snapshot: StatisticsSnapshot, state: InputState, stale_after_s: float, now_s: float
+        self, snapshot: StatisticsSnapshot, state: InputState, limits: NodeSettings
     ) -> DiagnosticStatus:
-        new, last_s = self._new, max(snapshot.arrivals_s, default=-math.inf)
-        level = DiagnosticStatus.WARN
-        if state.pause:
-            self._listens_since_s = now_s
-        if new[SWEEPS_LOST]:
-            if new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED]:
-                level = DiagnosticStatus.ERROR
-            message = f"clouds are lost in transport (see {SWEEPS_LOST})"
-        elif new[CLOUDS_UNDECODABLE]:
-            message = "clouds that cannot be decoded"
-        elif new[CLOUDS_EMPTY]:
-            message = "clouds without a finite point"
-        elif now_s - last_s > stale_after_s:
-            level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
-            self._tell_silence(message, max(last_s, self._listens_since_s), now_s, stale_after_s)
-        elif state.missing:
-            message = f"merged without {', '.join(state.missing)}"
-        elif new[CLOUDS_MISSED]:
-            message = f"clouds are missed (see {CLOUDS_MISSED})"
-        else:
-            level, message = DiagnosticStatus.OK, "receiving"
-        rate_hz = snapshot.input_rate_hz(now_s)
+        new, last_s = self._new, snapshot.last_s.get(SWEEPS_RECEIVED, -math.inf)
+        are_many_lost = new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED]
+        level, message = _first(
+            (
+                new[SWEEPS_LOST],
+                _ERROR if are_many_lost else _WARN,
+                f"clouds are lost in transport (see {SWEEPS_LOST})",
+            ),
+            (new[CLOUDS_UNDECODABLE], _WARN, "clouds that cannot be decoded"),
+            (new[CLOUDS_EMPTY], _WARN, "clouds without a finite point"),
+            (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
+            (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
+            (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
+            (True, _OK, "receiving"),
+        )
+        silence_s = self._now_s - max(last_s, self._listens_since_s)
+        if level == _STALE and silence_s > limits.stale_after_s:
+            self._warn_of_silence(message, silence_s)
         values = {
             "topic": state.topic,
             "publishers": state.num_publishers,
             "reliability": state.reliability,
-            "rate [Hz]": f"{rate_hz:.2f}",
+            "rate [Hz]": f"{self._rate_hz(SWEEPS_RECEIVED):.2f}",
             "time of each point": state.times or "unknown",
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)
 
-    def _tell_silence(
-        self, message: str, since_s: float, now_s: float, stale_after_s: float
-    ) -> None:
+    def _warn_of_silence(self, message: str, silence_s: float) -> None:
         """Logs it once for each set of topics that are published instead."""
-        if now_s - since_s <= stale_after_s:
-            return
         topics = ", ".join(self._find_topics())
         advice = (
             f"PointCloud2 topics that are published: {topics}"
             if topics
             else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
         )
-        self._faults.warn(f"silence {topics}", f"{message} for {now_s - since_s:.0f} s; {advice}")
+        self._faults.warn(f"silence {topics}", f"{message} for {silence_s:.0f} s; {advice}")
 
     def _flow_status(
-        self, snapshot: StatisticsSnapshot, load: int, settings: Settings, now_s: float
+        self, snapshot: StatisticsSnapshot, load: int, settings: Settings
     ) -> DiagnosticStatus:
-        limits = settings.node
-        faults = self._flow_watch.look(snapshot, now_s, limits.stale_after_s)
-        num_failed = snapshot.failures_in_a_row
-        level = DiagnosticStatus.WARN
-        if num_failed > limits.max_failures:
-            level = DiagnosticStatus.ERROR
-            message = (
-                f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
-            )
-        elif faults.complaint:
-            level, message = DiagnosticStatus.ERROR, faults.complaint
-        elif num_failed:
-            message = "the last estimate failed"
-        elif faults.busy:
-            message = faults.busy
-        elif 0 < limits.max_latency_ms < snapshot.latency_ms(95):
-            message = f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)"
-        else:
-            idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else math.inf
-            is_active = load > 0 or idle_s <= limits.stale_after_s
-            level, message = DiagnosticStatus.OK, self._activity(is_active=is_active)
+        limits, new, num_failed = settings.node, self._new, snapshot.failures_in_a_row
+        idle_s = self._now_s - snapshot.last_s.get(FLOWS_OUT, -math.inf)
+        level, message = _first(
+            (
+                num_failed > limits.max_failures,
+                _ERROR,
+                f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)",
+            ),
+            (
+                self._now_s - self._well.time_s > limits.stale_after_s,
+                _ERROR,
+                self._no_flow_text(),
+            ),
+            (num_failed, _WARN, "the last estimate failed"),
+            (new[TRIPLETS_DROPPED], _WARN, self._overload_text(snapshot)),
+            (
+                0 < limits.max_latency_ms < snapshot.latency_ms(95),
+                _WARN,
+                f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)",
+            ),
+            (new[TRIPLETS_UNWATCHED], _OK, "resting: nobody subscribes to the flow"),
+            (load > 0 or idle_s <= limits.stale_after_s, _OK, "estimating"),
+            (new[SWEEPS_RECEIVED], _OK, "waiting for the third sweep"),
+            (True, _OK, "waiting for sweeps"),
+        )
         values: dict[str, object] = {
-            "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
+            "rate [Hz]": f"{self._rate_hz(FLOWS_OUT):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
             "latency p95 [ms]": _number(snapshot.latency_ms(95)),
             "queue": max(0, load - 1),
@@ -168,25 +212,41 @@ class Diagnostics:
             values |= _recent_values(snapshot)
         return self._status("flow", level, message, values)
 
+    def _no_flow_text(self) -> str:
+        growth = self._moments[-1].counts - self._well.counts
+        name = max(_REASONS, key=lambda name: growth[name])
+        if not growth[name]:
+            return "clouds come in, but no flow goes out"
+        return f"no flow: {_REASONS[name]} (see {name})"
+
+    def _overload_text(self, snapshot: StatisticsSnapshot) -> str:
+        recent = self._moments[-1].counts - self._moments[0].counts
+        flows, cores = recent[FLOWS_OUT], os.cpu_count() or 1
+        reasons = [f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}"]
+        if recent[SWEEPS_RECEIVED]:
+            interval_ms = 1e3 / self._rate_hz(SWEEPS_RECEIVED)
+            reasons.insert(0, f"sweeps come every {interval_ms:.0f} ms")
+        if snapshot.recent:
+            reasons.insert(0, f"an estimate takes {snapshot.estimate_ms:.0f} ms")
+        return (
+            f"CPU busy: {flows} of {flows + recent[TRIPLETS_DROPPED]} flows ({', '.join(reasons)}). "
+            "Close other programs, or lower crop.max_range_m."
+        )
+
     def _ego_motion_status(self, snapshot: StatisticsSnapshot, wanted: str) -> DiagnosticStatus:
         sources = Counter(item.ego_source for item in snapshot.recent if item.ego_source)
         newest = snapshot.recent[-1].ego_source if snapshot.recent else ""
-        level, message = DiagnosticStatus.OK, newest or "not estimated"
-        if newest and newest not in (wanted, EgoSource.START.value):
-            level, message = DiagnosticStatus.WARN, f"degraded: no {wanted}, {newest} instead"
+        level, message = _first(
+            (not newest, _OK, "not estimated"),
+            (newest in (wanted, EgoSource.START.value), _OK, newest),
+            (True, _WARN, f"degraded: no {wanted}, {newest} instead"),
+        )
         values = {
             "source": newest or "none",
             "wanted": wanted,
             **{f"{source}, recent": count for source, count in sorted(sources.items())},
         }
         return self._status("ego motion", level, message, values)
-
-    def _activity(self, *, is_active: bool) -> str:
-        if self._new[TRIPLETS_UNWATCHED]:
-            return "resting: nobody subscribes to the flow"
-        if is_active:
-            return "estimating"
-        return f"waiting for {'the third sweep' if self._new[SWEEPS_RECEIVED] else 'sweeps'}"
 
     def _status(
         self, part: str, level: bytes, message: str, values: Mapping[str, object]
@@ -197,6 +257,11 @@ class Diagnostics:
             message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
+
+
+def _first(*conditions: tuple[object, bytes, str]) -> tuple[bytes, str]:
+    """Level and message of the first condition that holds."""
+    return next((level, message) for holds, level, message in conditions if holds)
 
 
 def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:

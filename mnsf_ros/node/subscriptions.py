@@ -17,17 +17,16 @@ from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
-from mnsf_ros.node.environment import advice_on_lost_clouds
-from mnsf_ros.node.transforms import Transforms
-from mnsf_ros.online.watches import (
+from mnsf_ros.node.diagnostics import (
     CLOUDS_EMPTY,
     CLOUDS_MISSED,
     CLOUDS_UNDECODABLE,
     SWEEPS_LOST,
-    MissedClouds,
 )
+from mnsf_ros.node.environment import advice_on_lost_clouds
+from mnsf_ros.node.transforms import Transforms
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
@@ -53,6 +52,36 @@ class Report(Protocol):
 
     def __call__(self, event: str, text: str, how_many: int = 1) -> None:
         """The event has happened `how_many` times."""
+
+
+class MissedClouds:
+    """Counts clouds that a queue has overwritten: it says nothing, but a publisher numbers them.
+
+    With more than one publisher, or a middleware without numbers, there is no telling.
+    """
+
+    def __init__(self) -> None:
+        self._last_number: int | None = None
+        self._last_publishers = 0
+
+    def expect_a_new_publisher(self) -> None:
+        """Nobody publishes: what the next one sends before its first cloud arrives is missed."""
+        self._last_number, self._last_publishers = 0, 0
+
+    def before(self, number: int | None, num_publishers: int) -> int:
+        """Returns how many clouds are missing between the last one and this one.
+
+        Args:
+            number: That the publisher gave the cloud, one more each time; None if it is not known.
+            num_publishers: Those of the topic, as of now.
+        """
+        last, self._last_number = self._last_number, number
+        is_one = max(num_publishers, self._last_publishers) <= 1
+        self._last_publishers = num_publishers
+        if number is None or last is None or not is_one:
+            return 0
+        # A publisher that starts anew begins at 1.
+        return number - 1 - (last if number > last else 0)
 
 
 class InputSubscription:
@@ -132,10 +161,8 @@ class InputSubscription:
         self._report(SWEEPS_LOST, text, how_many)
 
     def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
-        stamp = message.header.stamp
-        stamp_ns = stamp.sec * NANOSECONDS + stamp.nanosec
         number = info["publication_sequence_number"]
-        missed = self._missed.before(number, stamp_ns, self.num_publishers)
+        missed = self._missed.before(number, self.num_publishers)
         if missed:
             self._report(*_MISSED, missed)
         self._on_cloud(message)

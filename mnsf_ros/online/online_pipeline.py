@@ -116,7 +116,6 @@ class OnlinePipeline:
         It arrived at `time.monotonic_ns()`. If nobody watches the flow, it is only kept.
         """
         self.statistics.count(SWEEPS_RECEIVED)
-        self.statistics.add_arrival()
         arrival = self._stream.add(sweep)
         if arrival is not Arrival.ACCEPTED:
             self.statistics.count(f"sweeps_{arrival.value}")

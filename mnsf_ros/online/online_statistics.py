@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ _NO_POINT = np.zeros(0, np.int64)
 class RecentEstimate:
     """Figures of one estimate."""
 
-    finished_s: float  # of the steady clock
     latency_ms: float  # from the arrival of the next sweep to the publication of the flow
     estimate: FlowEstimate  # of no point
 
@@ -37,8 +36,8 @@ class StatisticsSnapshot:
     """The statistics at one moment; never changed."""
 
     counts: Counter[str] = field(default_factory=Counter)  # how often each event happened
+    last_s: Mapping[str, float] = field(default_factory=dict)  # when, by `time.monotonic()`
     recent: tuple[RecentEstimate, ...] = ()  # oldest first
-    arrivals_s: tuple[float, ...] = ()  # steady times of the last sweeps received
     last_failure: str = ""  # of an estimate; empty if there was none
     failures_in_a_row: int = 0  # since the last estimate that did not fail
 
@@ -53,25 +52,6 @@ class StatisticsSnapshot:
         times_ms = [item.estimate.time_ms for item in self.recent]
         return float(np.median(times_ms)) if times_ms else float("nan")
 
-    def flow_rate_hz(self, now_s: float) -> float:
-        """Flows published per second, recently."""
-        return rate_hz([item.finished_s for item in self.recent], now_s)
-
-    def input_rate_hz(self, now_s: float) -> float:
-        """Sweeps received per second, recently."""
-        return rate_hz(self.arrivals_s, now_s)
-
-
-def rate_hz(times_s: Sequence[float], now_s: float) -> float:
-    """Events per second of the given times; falls toward zero when no more come."""
-    if len(times_s) < 2:
-        return 0.0
-    intervals = len(times_s) - 1
-    silence_s = max(0.0, now_s - times_s[-1])
-    usual_s = (times_s[-1] - times_s[0]) / intervals
-    elapsed_s = times_s[-1] - times_s[0] + max(0.0, silence_s - usual_s)
-    return intervals / elapsed_s if elapsed_s > 0 else 0.0
-
 
 class OnlineStatistics:
     """Counters and recent figures; may be used from any thread."""
@@ -84,13 +64,8 @@ class OnlineStatistics:
         """Counts an event."""
         with self._lock:
             counts = self._now.counts + Counter({event: times})
-            self._now = replace(self._now, counts=counts)
-
-    def add_arrival(self) -> None:
-        """Notes that a sweep was received now."""
-        with self._lock:
-            arrivals_s = (*self._now.arrivals_s, time.monotonic())[-_WINDOW:]
-            self._now = replace(self._now, arrivals_s=arrivals_s)
+            last_s = {**self._now.last_s, event: time.monotonic()}
+            self._now = replace(self._now, counts=counts, last_s=last_s)
 
     def add_failure(self, text: str) -> None:
         """Notes that an estimate failed."""
@@ -100,7 +75,7 @@ class OnlineStatistics:
 
     def add_estimate(self, latency_ms: float, estimate: FlowEstimate) -> None:
         """Notes that the flow of an estimate was published now."""
-        item = RecentEstimate(time.monotonic(), latency_ms, estimate.part(_NO_POINT))
+        item = RecentEstimate(latency_ms, estimate.part(_NO_POINT))
         with self._lock:
             recent = (*self._now.recent, item)[-_WINDOW:]
             self._now = replace(self._now, recent=recent, failures_in_a_row=0)

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +16,9 @@ from mnsf_ros.core.flow_estimate import (
     Start,
     StopReason,
 )
+from mnsf_ros.node import diagnostics
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.online import online_statistics
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
 
@@ -27,13 +28,18 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
+PATIENCE_S = 2.0
 
 
 class Story:
-    """Events of a node, and its diagnostics after them."""
+    """Events of a node, at times of its own, and its diagnostics after them."""
 
     def __init__(self):
-        self.statistics, self.topics, self.warnings = OnlineStatistics(), [], {}
+        self.now_s = 100.0
+        self.topics, self.warnings = [], {}
+
+    def begin(self):
+        self.statistics = OnlineStatistics()
         self._diagnostics = Diagnostics("robot/flow_node", self, lambda: self.topics)
 
     def warn(self, kind, text):
@@ -41,20 +47,22 @@ class Story:
         self.warnings.setdefault(kind, text)
 
     def receive(self, *events):
-        for event in ("sweeps_received", *events):
+        self.count("sweeps_received", *events)
+
+    def count(self, *events):
+        for event in events:
             self.statistics.count(event)
-        self.statistics.add_arrival()
 
     def fail(self, times=1):
         for _ in range(times):
             self.statistics.add_failure("too few points")
 
-    def estimate(self, latency_ms=50.0, start=Start.WARM, ego_source=None):
+    def estimate(self, latency_ms=50.0, start=Start.WARM, ego_source=None, search_ms=2.5):
         self.statistics.count("flows_out")
         estimate = FlowEstimate(
             flow=np.zeros((1, 3), np.float32),
             kept=np.ones(1, bool),
-            times_ms={"prepare": 1.0, "forward": 2.5},
+            times_ms={"prepare": 1.0, "forward": search_ms},
             fits={"forward": OptimizationResult(0.1, 40, StopReason.ITERATION_LIMIT)},
             start=start,
             device="cpu",
@@ -64,23 +72,36 @@ class Story:
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(self, load=0, stale_after_s=60.0, wanted="registration", pause="", **changes):
-        changes |= {"node.stale_after_s": max(stale_after_s, 0.1), "ego_motion.source": wanted}
-        settings = Settings().changed(changes)
-        # Less than a user may set, so that a test need not wait.
-        node = replace(settings.node, stale_after_s=stale_after_s)
+    def statuses(self, load=0, wanted="registration", pause="", **changes):
+        changes |= {"node.stale_after_s": PATIENCE_S, "ego_motion.source": wanted}
         state = InputState("/points", "reliable", 1, pause=pause)
-        snapshot = self.statistics.snapshot()
-        return self._diagnostics.statuses(snapshot, state, load, replace(settings, node=node))
+        settings = Settings().changed(changes)
+        return self._diagnostics.statuses(self.statistics.snapshot(), state, load, settings)
 
     def says(self, **options):
         """(level, message) of `input` and of `flow`."""
         return [(status.level, status.message) for status in self.statuses(**options)[:2]]
 
+    def goes_on(self, duration_s, *events):
+        """(level, message) of `flow` in a time in which these events happen twice a second."""
+        said = []
+        for _ in range(round(2 * duration_s)):
+            self.now_s += 0.5
+            self.count(*events)
+            said.append(self.says()[1])
+        return said
+
 
 @pytest.fixture
-def story():
-    return Story()
+def story(monkeypatch):
+    story = Story()
+    clock = SimpleNamespace(monotonic=lambda: story.now_s)
+    for module in (diagnostics, online_statistics):
+        monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(diagnostics.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
+    monkeypatch.setattr(diagnostics.os, "cpu_count", lambda: 2)
+    story.begin()
+    return story
 
 
 def values_of(status):
@@ -95,8 +116,8 @@ class TestLevels:
         assert story.says(load=1)[1] == (OK, "estimating")
         story.estimate()
         assert story.says() == [(OK, "receiving"), (OK, "estimating")]
-        time.sleep(0.01)
-        assert story.says(stale_after_s=0.005) == [
+        story.now_s += PATIENCE_S + 0.1
+        assert story.says() == [
             (STALE, "no sweep on /points"),
             (OK, "waiting for sweeps"),
         ]
@@ -126,20 +147,53 @@ class TestLevels:
         story.receive()
         assert story.says()[0] == (OK, "receiving")
 
-    def test_when_triplets_are_dropped_or_not_wanted(self, story):
-        story.receive("triplets_dropped")
-        level, message = story.says(load=2)[1]
-        assert level == WARN
-        assert message.startswith("CPU busy: 0 of 1 flows")
+    def test_when_nobody_subscribes(self, story):
         story.receive("triplets_unwatched")
         assert story.says()[1] == (OK, "resting: nobody subscribes to the flow")
 
-    def test_of_sweeps_that_give_no_flow(self, story):
-        for _ in range(2):
-            story.receive("sweeps_frame_changed")
-            level, message = story.says(stale_after_s=0.0)[1]
+    def test_of_dropped_triplets_count_those_of_the_last_ten_seconds(self, story):
+        story.goes_on(60, "sweeps_received", "flows_out")
+        story.estimate(search_ms=169.0)
+        said = story.goes_on(10, "sweeps_received", "triplets_dropped")
+        assert said[2] == (
+            WARN,
+            "CPU busy: 18 of 21 flows (an estimate takes 170 ms, sweeps come every 500 ms, load "
+            "4.3 on 2 cores). Close other programs, or lower crop.max_range_m.",
+        )
+        assert story.says()[1][0] != WARN  # told once
+
+    @pytest.mark.parametrize(
+        ("events", "words"),
+        [
+            (("sweeps_received", "sweeps_frame_changed"), "frame_id changes"),
+            (("sweeps_received", "sweeps_duplicate"), "the same stamp"),
+            (("sweeps_received", "sweeps_out_of_order"), "go backwards"),
+            (("sweeps_received", "sweeps_time_went_back"), "jump back"),
+            (("sweeps_received", "sweeps_gap"), "buffer.max_interval_s"),
+            (("clouds_undecodable",), "cannot be decoded"),
+            (("clouds_empty",), "no finite point"),
+            (("sweeps_received", "estimates_failed"), "every estimate fails"),
+            (("sweeps_received", "triplets_dropped"), "takes too long"),
+        ],
+    )
+    def test_of_clouds_without_flow_name_the_counter(self, story, events, words):
+        story.says()
+        *before, (level, message) = story.goes_on(PATIENCE_S + 0.5, *events)
+        assert all(level != ERROR for level, _ in before)
         assert level == ERROR
-        assert message.endswith("(see sweeps_frame_changed)")
+        assert words in message
+        assert message.endswith(f"(see {events[-1]})")
+
+    def test_of_clouds_without_flow_name_the_most_frequent_reason_since_the_last(self, story):
+        story.goes_on(60, "sweeps_received", "sweeps_gap", "flows_out")
+        story.goes_on(1, "sweeps_received", "sweeps_gap")
+        said = story.goes_on(10, "sweeps_received", "sweeps_duplicate")
+        assert "sweeps_duplicate" in said[-1][1]
+
+    def test_of_the_flow_of_a_lidar_that_is_silent_and_comes_back(self, story):
+        story.goes_on(1, "sweeps_received", "flows_out")
+        for duration_s, *events in ((60,), (1, "sweeps_received"), (9, "flows_out")):
+            assert {level for level, _ in story.goes_on(duration_s, *events)} == {OK}
 
     def test_of_failed_estimates_which_one_bad_sweep_makes_three_of(self, story):
         story.receive()
@@ -169,19 +223,17 @@ class TestLevels:
     def test_of_silence_are_logged_with_the_topics_that_are_published(self, story):
         assert story.says()[0] == (STALE, "no sweep on /points")
         # Nobody listens in a pause.
-        time.sleep(0.01)
-        story.says(stale_after_s=0.005, pause="disabled")
+        story.now_s += 3.0
+        story.says(pause="disabled")
         assert not story.warnings
         for topics in ([], ["/front", "/rear"], []):
-            time.sleep(0.01)
+            story.now_s += 3.0
             story.topics = topics
-            story.says(stale_after_s=0.005)
+            story.says()
         assert list(story.warnings.values()) == [
-            f"no sweep on /points for 0 s; {advice}"
-            for advice in (
-                "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be",
-                "PointCloud2 topics that are published: /front, /rear",
-            )
+            "no sweep on /points for 3 s; no PointCloud2 topic is published, see ROS_DOMAIN_ID if "
+            "one should be",
+            "no sweep on /points for 6 s; PointCloud2 topics that are published: /front, /rear",
         ]
 
     def test_while_the_node_is_disabled(self, story):
@@ -255,6 +307,22 @@ class TestValues:
             "forward stop reasons, recent": "iteration_limit 3",
         }
         assert expected.items() <= values.items()
+
+    def test_rates_are_of_ten_seconds_and_fall_in_silence(self, story):
+        for _ in range(300):
+            story.now_s += 0.1
+            story.receive()
+            story.statuses()
+        rates = []
+        for _ in range(2):
+            rates.append(values_of(story.statuses()[0])["rate [Hz]"])
+            story.now_s += 10.0
+        assert rates == ["10.00", "0.00"]
+
+    def test_only_recent_estimates_count(self, story):
+        for number in range(350):
+            story.estimate(latency_ms=float(number))
+        assert values_of(story.statuses()[1])["latency median [ms]"] == "299.5"
 
 
 class TestOnTheTopic:

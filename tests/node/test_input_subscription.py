@@ -14,7 +14,7 @@ from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.raw_topics import RawTopics, only_cloud_topic
-from mnsf_ros.node.subscriptions import InputSubscription
+from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 
@@ -86,6 +86,27 @@ def test_clouds_that_a_busy_node_overwrites_are_counted(ros):
     num_missed = sum(how_many for _, how_many in missed)
     assert num_missed >= 20
     assert len(received) + num_missed == 41
+
+
+@pytest.mark.parametrize(
+    ("numbers", "publishers", "missed"),
+    [
+        ([7, 8, 9, 17, 18], 1, [0, 0, 0, 7, 0]),
+        ([500, 1, 2], 1, [0, 0, 0]),  # a publisher that starts anew begins at 1
+        ([500, 32, 33], 1, [0, 31, 0]),
+        ([1, 4, 7], 2, [0, 0, 0]),
+        ([None, None, 3], 1, [0, 0, 0]),
+    ],
+)
+def test_missed_clouds_by_their_numbers(numbers, publishers, missed):
+    counter = MissedClouds()
+    assert [counter.before(number, publishers) for number in numbers] == missed
+
+
+def test_the_first_clouds_of_a_publisher_that_has_just_appeared_are_missed():
+    counter = MissedClouds()
+    counter.expect_a_new_publisher()
+    assert [counter.before(number, 1) for number in (32, 33, 35)] == [31, 0, 1]
 
 
 @pytest.fixture
