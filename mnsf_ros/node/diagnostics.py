@@ -222,6 +222,7 @@ class Diagnostics:
     def _overload_text(self, snapshot: StatisticsSnapshot) -> str:
         recent = self._moments[-1].counts - self._moments[0].counts
         flows, cores = recent[FLOWS_OUT], os.cpu_count() or 1
+        possible = flows + recent[TRIPLETS_DROPPED]
         reasons = [f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}"]
         if recent[SWEEPS_RECEIVED]:
             interval_ms = 1e3 / self._rate_hz(SWEEPS_RECEIVED)
@@ -229,7 +230,7 @@ class Diagnostics:
         if snapshot.recent:
             reasons.insert(0, f"an estimate takes {snapshot.estimate_ms:.0f} ms")
         return (
-            f"CPU busy: {flows} of {flows + recent[TRIPLETS_DROPPED]} flows ({', '.join(reasons)}). "
+            f"CPU busy: {flows} of {possible} flows ({', '.join(reasons)}). "
             "Close other programs, or lower crop.max_range_m."
         )
 
