@@ -125,11 +125,11 @@ def declared(
 
 
 def settings_of(group: type, prefix: str = "") -> Iterator[Setting]:
-    """Yields the declarations of a dataclass in order, with a prefix before their names."""
+    """Yields what a dataclass declares, in order, with a prefix before the names."""
     kinds = get_type_hints(group)
-    for item in fields(group):
-        default = getattr(group, item.name)
-        yield Setting(f"{prefix}{item.name}", kinds[item.name], default, **item.metadata)
+    for item in (one for one in fields(group) if one.metadata):
+        name = f"{prefix}{item.name}"
+        yield Setting(name, kinds[item.name], getattr(group, item.name), **item.metadata)
 
 
 def check_declared(group: Any) -> None:  # noqa: ANN401 - any dataclass

@@ -82,7 +82,7 @@ def test_help_loads_no_library_that_takes_long(module, arguments):
 @pytest.mark.parametrize(
     ("names", "module", "arguments", "words"),
     [
-        ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "--out", "{tmp}/study"), "torch"),
+        ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "{tmp}"), "torch"),
         ("numpy", "mnsf_ros.cli.__main__", ("simulate", "{tmp}/street"), "colcon build"),
         ("numpy", "mnsf_ros.node.__main__", (), "numpy"),
     ],

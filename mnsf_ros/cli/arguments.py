@@ -4,47 +4,28 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from mnsf_ros.errors import RecordingError, plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.setting import settings_of
 from mnsf_ros.settings import Settings, parse_assignments
 
-ALL = "all"
 RESUME = "continue an interrupted run: repeat the command and add --resume"
 FORCE = "overwrite an existing recording"
 # Of declared settings without a unit in their name.
-_METAVARS = {int: "N", float: "SHARE", str: "NAME"}
+_METAVARS = {int: "N", float: "X", str: "NAME"}
 Declared = TypeVar("Declared")
 
 
-class IntermixedParser(argparse.ArgumentParser):
-    """Options may stand anywhere; argparse alone gives up on `NAME --option X BAG...`."""
+class Parser(argparse.ArgumentParser):
+    """Shows control characters in what it refuses, instead of sending them to the terminal."""
 
-    _is_inside = False
-
-    def parse_known_args(  # type: ignore[override]  # argparse has overloads of the same
-        self,
-        args: Sequence[str] | None = None,
-        namespace: Any = None,  # noqa: ANN401 - as argparse
-    ) -> tuple[Any, list[str]]:
-        """Parses options first, then the rest by a second call of this method.
-
-        Unknown options are refused here, with the usage of this subcommand.
-        """
-        if self._is_inside:
-            return super().parse_known_args(args, namespace)
-        self._is_inside = True
-        try:
-            known, unknown = self.parse_known_intermixed_args(args, namespace)
-        finally:
-            self._is_inside = False
-        if unknown:
-            self.error(f"unrecognized arguments: {' '.join(map(plain_text, unknown))}")
-        return known, unknown
+    def error(self, message: str) -> NoReturn:
+        """Ends the process with the usage and a message."""
+        super().error(plain_text(message))
 
 
 class Arguments:
@@ -87,12 +68,16 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
-    def declared(self, group: type) -> None:
-        """Adds an option for each declared field of a dataclass; `chosen` returns the result."""
-        for setting in settings_of(group):
+    def declared(self, group: type, *names: str, **defaults: object) -> None:
+        """Adds an option for each declared field of a dataclass; `chosen` returns the result.
+
+        With `names` only these, in this order; `defaults` replace those of the dataclass.
+        """
+        known = {one.name: one for one in settings_of(group)}
+        for setting in [known[name] for name in names or known]:
             metavar = setting.unit.upper() or _METAVARS[setting.kind]
             name = f"--{setting.name.replace('_', '-')} {metavar}"
-            self.value(name, setting.text, default=setting.default)
+            self.value(name, setting.text, default=defaults.get(setting.name, setting.default))
 
     def recordings(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
         """Adds an argument or option with recordings, which must be there, as for `value`."""
@@ -130,9 +115,14 @@ class Arguments:
         )
 
 
-def chosen(options: argparse.Namespace, group: type[Declared]) -> Declared:
-    """Returns a dataclass from the options of its declared fields."""
-    return group(**{one.name: getattr(options, one.name) for one in settings_of(group)})
+def chosen(
+    options: argparse.Namespace,
+    group: type[Declared],
+    **others: Any,  # noqa: ANN401 - as the fields
+) -> Declared:
+    """Returns a dataclass from the options of its declared fields, and its `others`."""
+    names = [one.name for one in settings_of(group) if hasattr(options, one.name)]
+    return group(**others, **{name: getattr(options, name) for name in names})
 
 
 def chosen_settings(options: argparse.Namespace) -> Settings:
@@ -149,14 +139,3 @@ def _existing(text: str) -> Path:
     if not (path := Path(text)).exists():
         raise RecordingError(f"{text}: no such file or folder")
     return path
-
-
-def number_or_all(text: str) -> int | str:
-    """Returns a number of points, or `ALL`.
-
-    Raises:
-        ArgumentTypeError: The text is neither.
-    """
-    if text != ALL and not text.lstrip("+-").isdecimal():
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number or {ALL!r}")
-    return ALL if text == ALL else int(text)

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Final
 
 from mnsf_ros import __version__
-from mnsf_ros.cli.arguments import Arguments, IntermixedParser
+from mnsf_ros.cli.arguments import Arguments, Parser
 from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.core.compute_device import let_threads_sleep
@@ -82,7 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Runs a subcommand and returns the exit status."""
     try:
-        options = _parsed(arguments)
+        options = _parsed(sys.argv[1:] if arguments is None else arguments)
         with limited_memory(getattr(options, "max_memory", math.inf)):
             return _run(options)
     except (MnsfError, OSError) as error:
@@ -113,29 +113,38 @@ def _is_caused_by(error: BaseException | None, kind: type[BaseException]) -> boo
     return error is not None
 
 
-def _parsed(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="mnsf", description="Lidar scene flow: the motion of every point."
+def _parsed(arguments: list[str]) -> argparse.Namespace:
+    name = next(iter(arguments), "")
+    if name not in _COMMANDS:
+        # Shows the help or the version, or what is wrong.
+        return _overview().parse_args(arguments)
+    summary, module = _COMMANDS[name]
+    parser = Parser(
+        prog=f"mnsf {name}",
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = import_module(f"mnsf_ros.cli.{module}")
+    parser.epilog = getattr(commands, f"add_{name}")(Arguments(parser))
+    parser.set_defaults(run=getattr(commands, f"run_{name}"))
+    if name not in _WITHOUT_LIMIT:
+        add_max_memory(Arguments(parser))
+    # Options may stand anywhere, also between recordings.
+    return parser.parse_intermixed_args(arguments[1:])
+
+
+def _overview() -> Parser:
+    lines = "\n".join(f"  {name:<12}{summary}" for name, (summary, _) in _COMMANDS.items())
+    parser = Parser(
+        prog="mnsf",
+        usage="%(prog)s COMMAND ...",
+        description="Lidar scene flow: the motion of every point.",
+        epilog=f"commands (mnsf COMMAND --help has the options):\n{lines}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    subparsers = parser.add_subparsers(
-        required=True, metavar="COMMAND", parser_class=IntermixedParser
-    )
-    arguments = sys.argv[1:] if arguments is None else arguments
-    for name, (summary, module) in _COMMANDS.items():
-        subparser = subparsers.add_parser(
-            name,
-            help=summary,
-            description=f"{summary[0].upper()}{summary[1:]}.",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        if name in arguments[:1]:
-            commands = import_module(f"mnsf_ros.cli.{module}")
-            subparser.epilog = getattr(commands, f"add_{name}")(Arguments(subparser))
-            subparser.set_defaults(run=getattr(commands, f"run_{name}"))
-            if name not in _WITHOUT_LIMIT:
-                add_max_memory(Arguments(subparser))
-    return parser.parse_args(arguments)
+    parser.add_argument("command", choices=_COMMANDS, metavar="COMMAND", help="see below")
+    return parser
 
 
 def _print_any_text() -> None:

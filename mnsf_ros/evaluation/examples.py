@@ -95,7 +95,7 @@ def kept_points(
     else:
         kept = kept_mask(xyz, settings)
     rows = np.flatnonzero(kept)
-    if options.num_points is not None and len(rows) > options.num_points:
+    if 0 < options.num_points < len(rows):
         random = np.random.default_rng([options.seed, stamp_ns])
         kept[:] = False
         kept[random.choice(rows, options.num_points, replace=False)] = True

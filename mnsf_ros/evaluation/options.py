@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.methods import make_method
-from mnsf_ros.setting import SettingValue
+from mnsf_ros.setting import SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings
 
 TaskKey = tuple[str, str]
@@ -24,6 +23,7 @@ SET_BY_EVALUATOR: Final = ("compute.seed", "compute.num_threads")
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
 _PAIR: Final = 2
+_LARGE: Final = 2_147_483_647
 
 
 @dataclass(frozen=True)
@@ -36,65 +36,61 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """Options of an evaluation.
+    """Options of an evaluation; those that are declared are options of the command, too.
 
     Attributes:
         settings: Settings of the methods, with the seed and a fixed number of threads: sums in
             another order give other last digits, of which early stopping on a noisy loss makes
             large differences. In real time it is the node's number.
-        num_points: Number of random points of each sweep that are scored; None for all.
-        seed: Seed of the random points and of the methods.
-        ground: Source of the ground points: the flag in the truth, where there is truth, or the
-            settings.
-        realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
-            to estimate all of them.
-        num_pictured: Number of the worst flows of each task that are kept for pictures.
         num_sweeps: Minimum number of sweeps of an example, the most that a method looks at, so that
             all methods get the same examples. A shorter recording needs as many as it has.
-        every: Score every N-th example only, beginning with the first of a recording. Methods that
-            carry state estimate the examples in between, too.
-        max_examples: Maximum number of examples of each recording, from its beginning; None for
-            all.
 
     Raises:
-        EvaluationError: If a number is out of its range.
+        SettingsError: If a value is out of its range.
     """
 
     settings: Settings
-    num_points: int | None = None
-    seed: int = 0
-    ground: Literal["truth", "settings"] = "truth"
-    realtime_rate: float | None = None
-    num_pictured: int = 0
+    num_points: int = declared(0, "use N random points of each sweep; 0: all", 0, _LARGE)
+    every: int = declared(
+        1,
+        "score every N-th example only, not with --realtime; methods that carry state still "
+        "estimate those between",
+        1,
+        _LARGE,
+    )
+    max_examples: int = declared(0, "use the first N examples of each recording; 0: all", 0, _LARGE)
+    seed: int = declared(0, "seed of everything random, of points and methods", 0, _LARGE)
+    ground: str = declared(
+        "truth",
+        "truth: find ground points by the flags in the truth, where there is truth; settings: by "
+        "the ground settings, as the live node does",
+        choices=("truth", "settings"),
+    )
+    realtime: float = declared(
+        0.0,
+        "replay at this many times the speed of the recording: triplets are dropped as in the live "
+        "node; 0: no drops",
+        0,
+        _LARGE,
+    )
+    pictures: int = declared(
+        0, "draw the N worst sweeps of each method, and an animation, for report.html", 0, _LARGE
+    )
     num_sweeps: int = 3
-    every: int = 1
-    max_examples: int | None = None
 
     def __post_init__(self) -> None:
-        if self.num_points is not None and self.num_points < 1:
-            raise EvaluationError(f"num_points: got {self.num_points}, expected 1 or more, or all")
-        if not 0 <= self.seed <= 2_147_483_647:
-            raise EvaluationError(f"seed: got {self.seed}, expected 0 to 2147483647")
-        if self.num_pictured < 0:
-            raise EvaluationError(f"num_pictured: got {self.num_pictured}, expected 0 or more")
-        if self.every < 1:
-            raise EvaluationError(f"every: got {self.every}, expected 1 or more")
-        if self.max_examples is not None and self.max_examples < 1:
-            raise EvaluationError(f"max_examples: got {self.max_examples}, expected 1 or more")
-        rate = self.realtime_rate
-        if self.every > 1 and rate is not None:
-            raise EvaluationError("--every cannot be combined with --realtime")
-        if rate is not None and not 0 < rate < math.inf:
-            raise EvaluationError(f"realtime rate: got {rate}, must be above 0")
+        check_declared(self)
+        if self.every > 1 and self.realtime:
+            raise SettingsError("--every cannot be combined with --realtime")
         values: dict[str, Any] = {"compute.seed": self.seed}
         if self.settings.compute.num_threads == 0:
-            values["compute.num_threads"] = 1 if rate is None else node_threads()
+            values["compute.num_threads"] = node_threads() if self.realtime else 1
         object.__setattr__(self, "settings", self.settings.changed(values))
 
     @property
     def identity(self) -> dict[str, object]:
         """Name to value of all that rows depend on."""
-        others = {one.name for one in fields(self)} - {"settings", "num_pictured"}
+        others = {one.name for one in fields(self)} - {"settings", "pictures"}
         return {
             **self.settings.to_mapping(),
             "explicit": sorted(self.settings.explicit),
@@ -106,13 +102,9 @@ class EvaluationOptions:
         number = max([self.num_sweeps, *(one.traits.num_sweeps for one in methods)])
         return replace(self, num_sweeps=_PAIR if pairs else min(number, MAX_SWEEPS))
 
-    def is_scored(self, place: int) -> bool:
-        """Whether the example at a place among those of its recording is scored."""
-        return place % self.every == 0
-
     def is_indivisible(self, method: EvaluatedMethod) -> bool:
         """Whether rows of a task depend on those before, so that it cannot be resumed halfway."""
-        return self.realtime_rate is not None or method.traits.carries_state
+        return self.realtime > 0 or method.traits.carries_state
 
 
 @dataclass(frozen=True)

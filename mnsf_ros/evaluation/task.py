@@ -58,15 +58,17 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     stream = Stream(options.settings, task.method.name)
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
-    painter = Painter(options.num_pictured, has_frames=not stream.traits.is_reference)
+    painter = Painter(options.pictures, has_frames=not stream.traits.is_reference)
     with recording.open() as reader:
-        examples = islice(read_examples(reader, recording, options, findings), options.max_examples)
+        examples = islice(
+            read_examples(reader, recording, options, findings), options.max_examples or None
+        )
         wanted = (
-            (example, options.is_scored(place))
+            (example, place % options.every == 0)
             for place, example in enumerate(examples)
             if example.number not in task.skipped
         )
-        for outcome in _outcomes(stream, wanted, options.realtime_rate):
+        for outcome in _outcomes(stream, wanted, options.realtime):
             example, estimate, row = outcome.example, outcome.result, _row(outcome, stream)
             if isinstance(estimate, FlowEstimate) and row.failure is None:
                 yield from painter.frames(row, example, estimate)
@@ -76,10 +78,10 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
 
 
 def _outcomes(
-    stream: Stream, examples: Iterator[tuple[Example, bool]], realtime_rate: float | None
+    stream: Stream, examples: Iterator[tuple[Example, bool]], realtime: float
 ) -> Iterator[Outcome]:
-    if realtime_rate is not None:
-        yield from replayed(stream, (example for example, _ in examples), realtime_rate)
+    if realtime:
+        yield from replayed(stream, (example for example, _ in examples), realtime)
         return
     for example, is_scored in examples:
         if is_scored or stream.traits.carries_state:

@@ -32,7 +32,7 @@ def protocol_text(
     numbers = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
     means = f"Unweighted mean over {numbers or 'no'} example{'' if numbers == '1' else 's'}"
     recordings = "1 recording" if len(run.recordings) == 1 else f"{len(run.recordings)} recordings"
-    points = "all points" if options.num_points is None else f"{options.num_points:,} random points"
+    points = f"{options.num_points:,} random points" if options.num_points else "all points"
     ground = "ground included"
     if options.settings.ground.remove:
         by_truth = options.ground == "truth" and any(one.truth for one in run.recordings)
@@ -43,9 +43,9 @@ def protocol_text(
     )
     threads = options.settings.compute.num_threads
     times = f"Time: stages of one estimate, device synchronized; threads: {threads}"
-    if options.realtime_rate is not None:
+    if options.realtime:
         times += (
-            f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
+            f". Replay at {options.realtime:g} times real time, simulated from measured run "
             "times; sweeps are dropped as in the live node"
         )
     every = f", one in {options.every}" if options.every > 1 else ""

@@ -145,7 +145,7 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
         "num_threads": str(options.settings.compute.num_threads),
         "points_given": str(options.num_points or "all"),
         "ground": options.ground,
-        "realtime_rate": str(options.realtime_rate or ""),
+        "realtime_rate": str(options.realtime or ""),
         "every": str(options.every),
         **{
             name: "; ".join(dict.fromkeys(one.get(fact, "") for one in sessions))

@@ -25,10 +25,11 @@ from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.charts import height_maps
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.methods.mnsf import Networks, fitted_mnsf
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
-from mnsf_ros.studies.study import StudyOptions, StudyResult, first_example
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _TITLE: Final = "Loss landscape around the optimum"
@@ -46,7 +47,7 @@ Loss = Callable[[], torch.Tensor]
 Direction = list[torch.Tensor]
 
 
-def run_landscape_study(options: StudyOptions) -> StudyResult:
+def run(_name: str, options: StudyOptions) -> StudyResult:
     """Fits both methods to the first example and looks around their optima.
 
     Raises:
@@ -57,7 +58,7 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
             "ego_motion.removed is true, expected false: the landscape is that of networks in the "
             "sensor's frame"
         )
-    example = first_example(options)
+    example = options.first_example()
     options.say("fitting FNSF and MNSF")
     bench, networks = _fitted(example.triplet, options.evaluation.settings)
     found = {}
@@ -66,7 +67,8 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
         found[name] = landscape(network, loss_of, options)
     num_points = len(example.triplet.current.kept_xyz)
     where = f"Sweep {example.number} of {example.recording}, {num_points:,} points."
-    return _result(found, [_TEXT, where, *_unconverged(bench.fits)])
+    texts = [_TEXT, where, *_unconverged(bench.fits)]
+    return _result(found, texts, options.evaluation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +203,9 @@ def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
     return [f"Note: not converged, so that no optimum is in the middle: {', '.join(cut_off)}."]
 
 
-def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
+def _result(
+    found: dict[str, Landscape], texts: list[str], evaluation: EvaluationOptions
+) -> StudyResult:
     radii = next(iter(found.values())).radii
     header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
     cells, parts = [], []
@@ -213,4 +217,4 @@ def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
     numbers = pd.concat(parts)[["method", "kind", "first_step", "second_step", "loss_m"]]
     table = TextTable(header, cells, "Sharpness: rise of the loss")
     maps = {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
-    return StudyResult(_TITLE, texts, [table], numbers, height_maps(_TITLE, maps))
+    return StudyResult(_TITLE, texts, [table], numbers, height_maps(_TITLE, maps), evaluation)

@@ -13,7 +13,7 @@ import pandas as pd
 from mnsf_ros.drawing.charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.options import MAX_SWEEPS, evaluated_methods
+from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
@@ -22,11 +22,11 @@ from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.tables import errors_table
-from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 
 _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 # As `mnsf evaluate` has it.
-_NUM_PICTURED: Final = 3
+_NUM_PICTURES: Final = 3
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 _FIGURES: Final = (
     ("EPE (m), less is better", "epe_m", 1.0),
@@ -35,25 +35,20 @@ _FIGURES: Final = (
 
 
 @dataclass(frozen=True)
-class MethodStudy:
+class _MethodStudy:
     """A table of the paper.
 
     Attributes:
-        name: Name of the study.
         title: Title of the table.
         variants: Name of a row to its method.
-        num_sweeps: Largest number of sweeps that a variant needs.
     """
 
-    name: str
     title: str
     variants: dict[str, str]
-    num_sweeps: int = 3
 
 
-METHOD_STUDIES: Final = (
-    MethodStudy(
-        "ablation",
+_STUDIES: Final = {
+    "ablation": _MethodStudy(
         "Ablation: contribution of each part of the method",
         {
             "FNSF": "fnsf",
@@ -63,8 +58,7 @@ METHOD_STUDIES: Final = (
             "(d) MNSF": "mnsf",
         },
     ),
-    MethodStudy(
-        "fusion",
+    "fusion": _MethodStudy(
         "Fusion operation",
         {
             "FNSF": "fnsf",
@@ -73,13 +67,11 @@ METHOD_STUDIES: Final = (
             "MLP": "mnsf+fusion.kind=mlp",
         },
     ),
-    MethodStudy(
-        "depth",
+    "depth": _MethodStudy(
         "Depth of the fusion network",
         {f"{depth} layers": f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 3, 5, 7)},
     ),
-    MethodStudy(
-        "frames",
+    "frames": _MethodStudy(
         "Number of sweeps",
         {
             "2 sweeps": "mnsf-no-backward",
@@ -87,24 +79,21 @@ METHOD_STUDIES: Final = (
             "4 sweeps": "mnsf-frames4",
             "5 sweeps": "mnsf-frames5",
         },
-        num_sweeps=MAX_SWEEPS,
     ),
-)
+}
 
 
-def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
+def run(name: str, options: StudyOptions) -> StudyResult:
     """Evaluates the variants; `evaluation` in the folder is an evaluation like any other.
 
     Raises:
-        MnsfError: A recording or a setting cannot be used.
+        MnsfError: A recording or a setting cannot be used, or no example can be scored.
         OSError: Writing fails.
     """
-    evaluation = replace(
-        options.evaluation, num_sweeps=study.num_sweeps, num_pictured=_NUM_PICTURED
-    )
+    study, evaluation = _STUDIES[name], replace(options.evaluation, pictures=_NUM_PICTURES)
     methods = evaluated_methods(study.variants.values(), evaluation)
-    # The evaluation has a folder of its own beside the simulated street.
-    recordings = study_recordings(options, study.num_sweeps)
+    evaluation = evaluation.for_methods(methods, pairs=False)
+    recordings = options.chosen_recordings()
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
     record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])
@@ -120,7 +109,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         why = f": {results.notes[0].text}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
     notes = [f"Note: {note.text}" for note in results.notes]
-    return _result(study, results.summary, [*results.protocol, *notes])
+    return _result(study, results.summary, [*results.protocol, *notes], evaluation)
 
 
 def _said(row: ResultRow) -> str:
@@ -128,7 +117,9 @@ def _said(row: ResultRow) -> str:
     return f"{row.method}, {row.recording} sweep {row.number}: {said}"
 
 
-def _result(study: MethodStudy, summary: pd.DataFrame, texts: Sequence[str]) -> StudyResult:
+def _result(
+    study: _MethodStudy, summary: pd.DataFrame, texts: Sequence[str], evaluation: EvaluationOptions
+) -> StudyResult:
     known = {name: m for name, m in study.variants.items() if m in summary.index}
     named = summary.loc[list(known.values())].set_axis(list(known))
     errors = {group: errors_in(named, group).reindex(columns=_ERRORS) for group in _GROUPS}
@@ -150,4 +141,4 @@ def _result(study: MethodStudy, summary: pd.DataFrame, texts: Sequence[str]) -> 
     }
     picture = grouped_bars(study.title, list(named.index), panels)
     rows = pd.concat(numbers).rename_axis("variant").reset_index()
-    return StudyResult(study.title, texts, tables, rows, picture)
+    return StudyResult(study.title, texts, tables, rows, picture, evaluation)

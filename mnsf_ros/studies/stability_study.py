@@ -27,7 +27,7 @@ from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
-from mnsf_ros.studies.study import StudyOptions, StudyResult, first_example
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 SWEEPS: Final = ("current", "next", "previous")
@@ -47,28 +47,28 @@ STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
 }
 
 
-def stability_settings(settings: Settings) -> Settings:
-    """Returns the settings of the study; explicit ones stay."""
-    values = STABILITY_SETTINGS.items()
-    return settings.changed({k: v for k, v in values if k not in settings.explicit})
-
-
-def run_stability_study(options: StudyOptions) -> StudyResult:
-    """Replaces points of the first example; its settings are best those of `stability_settings`.
+def run(_name: str, options: StudyOptions) -> StudyResult:
+    """Replaces points of the first example, of all of its points.
 
     Raises:
         MnsfError: A recording or a setting cannot be used, or an estimate fails.
     """
-    settings = options.evaluation.settings
-    estimators = {
-        method: make_method(method, settings) for method in options.case.methods.split(",")
-    }
-    triplet = first_example(options).triplet
+    settings = stability_settings(options.evaluation.settings)
+    evaluation = replace(options.evaluation, settings=settings, num_points=0)
+    options = replace(options, evaluation=evaluation)
+    estimators = {name: make_method(name, settings) for name in options.case.method_names}
+    triplet = options.first_example().triplet
     found: list[dict[str, object]] = []
     for method, estimator in estimators.items():
         options.say(f"replacing points for {method}")
         found += changes(method, estimator, triplet, options)
     return _result(pd.DataFrame(found), options)
+
+
+def stability_settings(settings: Settings) -> Settings:
+    """Returns the settings of the study; explicit ones stay."""
+    values = STABILITY_SETTINGS.items()
+    return settings.changed({k: v for k, v in values if k not in settings.explicit})
 
 
 def changes(
@@ -165,14 +165,14 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
     for part, words in _PARTS.items():
         cells: list[list[str]] = []
         means = found.groupby(["method", "sweep", "num_points"])[part].mean()
-        panels[words] = {method: {} for method in options.case.methods.split(",")}
+        panels[words] = {method: {} for method in options.case.method_names}
         for method, sweep in product(panels[words], SWEEPS):
             own = means[method, sweep]
             cells.append([f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)])
             panels[words][method][sweep] = own[own > 0].to_dict()
         tables.append(TextTable(header, cells, words))
     picture = log_lines(_TITLE, "points N of each sweep", options.case.numbers_of_points, panels)
-    return StudyResult(_TITLE, [text], tables, found, picture)
+    return StudyResult(_TITLE, [text], tables, found, picture, options.evaluation)
 
 
 def _slope_text(means: pd.Series) -> str:

@@ -1,10 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Options, recordings and result of a study."""
+"""Studies by name; each writes a page in Markdown, numbers as CSV, and a chart."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Final
 
@@ -15,15 +16,25 @@ from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
-from mnsf_ros.report.text_table import TextTable
+from mnsf_ros.evaluation.run_folder import check_folder
+from mnsf_ros.evaluation.run_record import session_now
+from mnsf_ros.report.results_files import session_lines
+from mnsf_ros.report.text_table import TextTable, markdown_text
 from mnsf_ros.setting import check_declared, declared
-from mnsf_ros.simulation.recording import write_recording
-from mnsf_ros.simulation.settings import SimulationSettings
 
-# A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
-_BEAMS, _COLUMNS = 32, 1024
-# Of a simulated street, by default.
-_SIMULATED_EXAMPLES: Final = 4
+# Name to module, which is imported for this study alone because it needs PyTorch, and summary. The
+# module has `run`, which gets the name and the options and returns a StudyResult.
+STUDIES: Final = {
+    "ablation": ("method_study", "FNSF, and MNSF without single parts: (a) to (d) of the paper"),
+    "fusion": ("method_study", "fusion by mean, by weighted sum and by a network"),
+    "depth": ("method_study", "fusion network with 2, 3, 5 and 7 layers"),
+    "frames": ("method_study", "2, 3, 4 and 5 sweeps"),
+    "landscape": ("landscape_study", "loss around the optimum, FNSF and MNSF"),
+    "stability": (
+        "stability_study",
+        "effect of replacing one point of N, expected to fall with 1/N",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -54,14 +65,16 @@ class CaseStudySettings:
             raise SettingsError(
                 f"sizes: got {self.sizes}, expected 3 or more numbers from 2 in ascending order"
             )
-        methods = self.methods.split(",")
-        if len(set(methods)) < len(methods):
-            raise SettingsError(f"methods: got {self.methods}, expected each once")
 
     @property
     def numbers_of_points(self) -> list[int]:
         """The `sizes`."""
         return [int(text) if text.isdecimal() else 0 for text in self.sizes.split(",")]
+
+    @property
+    def method_names(self) -> list[str]:
+        """The `methods`, each once."""
+        return list(dict.fromkeys(self.methods.split(",")))
 
 
 @dataclass(frozen=True)
@@ -71,8 +84,8 @@ class StudyOptions:
     Attributes:
         out: Folder for all files of the study.
         evaluation: How to estimate, and which examples; case studies use the first one alone. Its
-            seed is also that of the street and all other draws.
-        recordings: Paths of recordings; if empty, a street is simulated.
+            seed is also that of all other draws.
+        recordings: Paths of recordings.
         resume: Whether to continue with the files in the folder.
         command: The command line, for the record.
         say: Gets one line for each step.
@@ -81,11 +94,31 @@ class StudyOptions:
 
     out: Path
     evaluation: EvaluationOptions
-    recordings: tuple[Path, ...] = ()
+    recordings: Sequence[Path]
     resume: bool = False
     command: tuple[str, ...] = ()
     say: Callable[[str], None] = lambda text: None
     case: CaseStudySettings = field(default_factory=CaseStudySettings)
+
+    def chosen_recordings(self) -> list[EvaluatedRecording]:
+        """Returns the recordings with their topics.
+
+        Raises:
+            MnsfError: A recording cannot be used.
+        """
+        return [choose_topics(path, name) for name, path in named_recordings(self.recordings)]
+
+    def first_example(self) -> Example:
+        """Returns the first example.
+
+        Raises:
+            MnsfError: A recording cannot be used, or there is no example.
+        """
+        for recording in self.chosen_recordings():
+            with recording.open() as reader:
+                for example in read_examples(reader, recording, self.evaluation, Findings()):
+                    return example
+        raise RecordingError("the recordings hold no three sweeps in a row")
 
 
 @dataclass(frozen=True)
@@ -98,6 +131,7 @@ class StudyResult:
         tables: Tables for people.
         numbers: The CSV file; the same study gives the same one, times apart.
         picture: The chart, a PNG file.
+        evaluation: Options behind the figures.
     """
 
     title: str
@@ -105,47 +139,42 @@ class StudyResult:
     tables: Sequence[TextTable]
     numbers: pd.DataFrame
     picture: bytes
+    evaluation: EvaluationOptions
 
 
-def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[EvaluatedRecording]:
-    """Returns the recordings of a study; without any, writes a simulated one into its folder.
-
-    Raises:
-        RecordingError: A recording cannot be used, has fewer than `num_sweeps` sweeps, or the
-            simulated one cannot be written.
-    """
-    paths = options.recordings or (_simulated_street(options, num_sweeps),)
-    recordings = [choose_topics(path, name) for name, path in named_recordings(paths)]
-    for path, recording in zip(paths, recordings, strict=True):
-        if recording.num_sweeps < num_sweeps:
-            raise RecordingError(
-                f"{path}: has {recording.num_sweeps} sweeps, the study needs {num_sweeps}"
-            )
-    return recordings
-
-
-def _simulated_street(options: StudyOptions, num_sweeps: int) -> Path:
-    path = options.out / "street"
-    if not path.exists():
-        options.say("simulating a street")
-        # An example lies between the sweeps before it and the one after.
-        evaluation = options.evaluation
-        total = (evaluation.max_examples or _SIMULATED_EXAMPLES) + num_sweeps - 1
-        settings = SimulationSettings(
-            options.evaluation.seed, num_beams=_BEAMS, num_columns=_COLUMNS
-        )
-        write_recording(replace(settings, duration_s=total / settings.rate_hz), path)
-    return path
-
-
-def first_example(options: StudyOptions) -> Example:
-    """Returns the first example of a study.
+def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:
+    """Runs one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
 
     Raises:
-        RecordingError: There is none.
+        MnsfError: An option, a setting, a recording or the folder cannot be used, or a fit fails.
+        OSError: Writing fails.
     """
-    for recording in study_recordings(options):
-        with recording.open() as reader:
-            for example in read_examples(reader, recording, options.evaluation, Findings()):
-                return example
-    raise RecordingError("the recordings hold no three sweeps in a row")
+    module = import_module(f"mnsf_ros.studies.{STUDIES[name][0]}")
+    check_folder(options.out, resume=options.resume)
+    result: StudyResult = module.run(name, options)
+    options.out.mkdir(parents=True, exist_ok=True)
+    paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
+    paths[0].write_text(_page(name, result, options), encoding="utf-8")
+    result.numbers.to_csv(paths[1], index=False, na_rep="nan", lineterminator="\n")
+    paths[2].write_bytes(result.picture)
+    return result, paths
+
+
+def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
+    facts = {
+        "seed": str(result.evaluation.seed),
+        "points of a sweep": str(result.evaluation.num_points or "all"),
+        "recordings": ", ".join(map(str, options.recordings)),
+    }
+    settings = result.evaluation.settings.to_mapping().items()
+    lines = [f"| {setting} | {value} |" for setting, value in settings]
+    parts = [
+        f"# {result.title}",
+        *map(markdown_text, result.texts),
+        *(table.markdown().rstrip("\n") for table in result.tables),
+        f"![{result.title}]({name}.png)",
+        "## Run",
+        "\n".join(session_lines(session_now(options.command) | facts)),
+        "\n".join(["| setting | value |", "| :--- | ---: |", *lines]),
+    ]
+    return "\n\n".join(parts) + "\n"

@@ -165,7 +165,7 @@ def test_results_survive_a_report_that_fails(bag, tmp_path, mnsf, monkeypatch, e
     def write_report(*_, **__):
         raise error
 
-    monkeypatch.setattr("mnsf_ros.cli.evaluation.write_report", write_report)
+    monkeypatch.setattr("mnsf_ros.cli.evaluate.write_report", write_report)
     ended = mnsf(bag, "--methods=zero", "--out", tmp_path / "out")
     assert ended.status == INCOMPLETE
     assert "no report: " in ended.out
@@ -270,8 +270,8 @@ def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, mnsf):
         (["--set=ground.remove=1"], "ground.remove: got '1'"),
         (["--set=optimization.max_iterations=2.5"], "optimization.max_iterations: got 2.5"),
         (["--points=/lidar"], "no topic '/lidar'"),
-        (["--num-points=0"], "num_points: got 0"),
-        (["--realtime=-1"], "realtime rate: got -1.0"),
+        (["--num-points=-1"], "num_points: got -1"),
+        (["--realtime=-1"], "realtime: got -1.0"),
         (["--workers=0"], "workers: got 0"),
         (["nowhere.mcap"], "nowhere.mcap: no such file"),
         (["--out=/proc/version"], "/proc/version: is not a folder"),

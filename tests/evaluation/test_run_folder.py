@@ -114,9 +114,9 @@ def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (small.options(num_points=9), "num_points was None, is 9"),
+        (small.options(num_points=9), "num_points was 0, is 9"),
         (small.options({"crop.max_range_m": 30.0}), "crop.max_range_m was 80.0, is 30.0"),
-        (small.options(realtime_rate=1.0), "realtime_rate was None, is 1.0"),
+        (small.options(realtime=1.0), "realtime was 0.0, is 1.0"),
         (small.EvaluationOptions(small.preset("online")), "; and "),
     ],
 )

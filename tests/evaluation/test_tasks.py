@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.task import run_task
@@ -72,7 +72,7 @@ def test_recording_without_truth_gives_consistency_and_time(tmp_path):
 
 def test_real_time_drops_what_comes_too_fast(bag):
     # A million times faster than the recording: no estimate takes less than 0.1 µs.
-    rows = rows_of(small.task_at(bag, "mnsf"), small.options(realtime_rate=1e6))
+    rows = rows_of(small.task_at(bag, "mnsf"), small.options(realtime=1e6))
     assert sorted(row.number for row in rows) == [1, 2, 3, 4, 5]
     assert [row.number for row in rows if row.is_dropped] == [2, 3, 4]
     assert all(row.latency_ms >= row.time_ms for row in rows if not row.failure)
@@ -91,14 +91,14 @@ def test_rows_of_the_online_method_say_whether_it_was_warm(bag):
     ("values", "text"),
     [
         ({"seed": -1}, "seed: got -1"),
-        ({"num_pictured": -1}, "num_pictured: got -1"),
-        ({"realtime_rate": float("nan")}, "realtime rate: got nan"),
+        ({"pictures": -1}, "pictures: got -1"),
+        ({"realtime": float("nan")}, "realtime: got nan"),
         ({"every": 0}, "every: got 0"),
-        ({"every": 2, "realtime_rate": 1.0}, "--every cannot be combined"),
+        ({"every": 2, "realtime": 1.0}, "--every cannot be combined"),
     ],
 )
 def test_options_out_of_range_are_refused(values, text):
-    with pytest.raises(EvaluationError, match=text):
+    with pytest.raises(SettingsError, match=text):
         EvaluationOptions(Settings(), **values)
 
 

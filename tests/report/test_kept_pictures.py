@@ -68,7 +68,7 @@ def worst_of(folder, method):
 
 @without_drawing
 def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
-    folder = evaluate(street, tmp_path / "run", num_pictured=2)
+    folder = evaluate(street, tmp_path / "run", pictures=2)
     worst = {method: worst_of(folder, method)[:2] for method in METHODS}
     expected = [f"street.{m}/worst_{number}.png" for m in METHODS for number in worst[m]]
     assert files(folder) == sorted(expected)  # and no frames of references
@@ -84,7 +84,7 @@ def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
 
 @without_drawing
 def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
-    known = {"methods": ["ego-estimated"], "num_pictured": 2}
+    known = {"methods": ["ego-estimated"], "pictures": 2}
     whole = evaluate(street, tmp_path / "whole", **known)
     evaluate(street, tmp_path / "run", **known, num_events=3)
     resumed = evaluate(street, tmp_path / "run", **known, resume=True)
@@ -93,7 +93,7 @@ def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
 
 
 def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path):
-    folder = evaluate(street, tmp_path / "run", methods=["ego", "online"], num_pictured=1)
+    folder = evaluate(street, tmp_path / "run", methods=["ego", "online"], pictures=1)
     frames = saved_pictures(folder.path, "street", "online", FRAME)
     assert list(frames) == [1, 2, 3]
     left, right = np.hsplit(np.asarray(Image.open(io.BytesIO(frames[1])))[:, 2:-2], 2)
@@ -108,7 +108,7 @@ def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path
 
 def test_pictures_that_cannot_be_drawn_cost_no_results(street, tmp_path, monkeypatch):
     monkeypatch.setattr("mnsf_ros.evaluation.pictures.frame", lambda *_: 1 / 0)
-    folder = evaluate(street, tmp_path / "run", methods=["online"], num_pictured=1)
+    folder = evaluate(street, tmp_path / "run", methods=["online"], pictures=1)
     rows = folder.rows()
     assert (len(rows), len(folder.finished(rows))) == (3, 1)
     assert "data:image" not in report_of(folder, 1)

@@ -59,6 +59,7 @@ def test_landscape_of_a_bowl_is_lowest_in_the_middle(network, tmp_path):
     options = StudyOptions(
         tmp_path,
         EvaluationOptions(preset("paper"), seed=5),
+        [],
         case=CaseStudySettings(steps=5, directions=3),
     )
     found = landscape(network, bowl(network), options)

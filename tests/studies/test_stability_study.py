@@ -45,7 +45,7 @@ def changes_of(tmp_path):
 
     def changes_with(estimator, triplet, sizes="100,300,900", repeats=40):
         case = CaseStudySettings(sizes=sizes, repeats=repeats)
-        options = StudyOptions(tmp_path, EvaluationOptions(preset("paper")), case=case)
+        options = StudyOptions(tmp_path, EvaluationOptions(preset("paper")), [], case=case)
         return list(changes("mean", estimator, triplet, options))
 
     return changes_with

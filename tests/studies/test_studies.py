@@ -13,9 +13,8 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
-from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
-from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
+from mnsf_ros.studies.study import STUDIES, CaseStudySettings, StudyOptions, run_study
 
 FEW_STEPS = {
     "crop.max_range_m": 20.0,
@@ -103,17 +102,9 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
     assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
-    others = replace(options.evaluation, max_examples=None)
+    others = replace(options.evaluation, max_examples=0)
     with pytest.raises(MnsfError, match="max_examples"):
         run_study("fusion", replace(options, resume=True, evaluation=others))
-
-
-def test_without_recordings_a_street_is_simulated(options):
-    first = replace(options.evaluation, max_examples=1)
-    options = replace(options, evaluation=first, recordings=())
-    result, _ = run_study("landscape", options)
-    assert (options.out / "street" / "metadata.yaml").exists()
-    assert "of street" in result.texts[1]
 
 
 def test_settings_that_were_asked_for_stay():
