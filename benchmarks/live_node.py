@@ -84,9 +84,9 @@ class LiveNode(RawTopics):
         self.arrived_s: dict[int, float] = {}
         self.counts: dict[str, int] = {}
         self.values: dict[str, str] = {}
-        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10)
+        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10, is_raw=True)
         if flow_topic:
-            self.subscribe(flow_topic, CLOUD_TYPE, self._receive_flow)
+            self.subscribe(flow_topic, CLOUD_TYPE, self._receive_flow, is_raw=True)
         words = [word for parameter in parameters for word in ("-p", parameter)]
         command = [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *_REMAPPED, *words]
         with log.open("wb") as out:

@@ -1,12 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Every setting as a ROS parameter: declared, checked, changed while running."""
+"""Every setting as a ROS parameter, of the own node and of one in another process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -16,10 +16,11 @@ from rcl_interfaces.msg import (
 )
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 
 from mnsf_ros.errors import SettingsError, did_you_mean
-from mnsf_ros.setting import Setting
+from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_settings
 
 # Takes the next settings; raises SettingsError if they cannot be used.
@@ -145,3 +146,57 @@ def _descriptor(setting: Setting, *, is_read_only: bool) -> ParameterDescriptor:
         else:
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     return descriptor
+
+
+class RemoteParameters:
+    """The settings of a node in another process; answers arrive while the own node spins."""
+
+    def __init__(
+        self,
+        node: Node,
+        remote: str,
+        on_values: Callable[[dict[str, Any]], None],
+        on_refused: Callable[[str], None],
+    ) -> None:
+        """Makes the client of a node.
+
+        Args:
+            node: The own node.
+            remote: Full name of the other node.
+            on_values: Called with all settings by their names, when they are other than before.
+            on_refused: Called with the reason why a value was refused.
+        """
+        self._remote, self._on_values, self._on_refused = remote, on_values, on_refused
+        self._names = [setting.name for setting in declared_settings()]
+        self._client = AsyncParameterClient(node, remote)
+        self._values: dict[str, Any] = {}
+
+    def ask(self) -> None:
+        """Asks for all values, if the node is there; to be called now and then."""
+        if self._client.services_are_ready():
+            self._client.get_parameters(self._names, self._receive_values)
+        else:
+            self._values = {}
+
+    def set(self, values: Mapping[str, SettingValue]) -> None:
+        """Sets parameters as `ros2 param set` does."""
+        if not self._client.services_are_ready():
+            self._on_refused(f"{self._remote} is not running")
+            return
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        self._client.set_parameters(parameters, self._receive_results)
+
+    def _receive_values(self, future: Any) -> None:  # noqa: ANN401 - of rclpy
+        values = map(parameter_value_to_python, future.result().values)
+        named = zip(self._names, values, strict=False)
+        known = {name: value for name, value in named if value is not None}
+        if known != self._values:
+            self._values = known
+            self._on_values(known)
+
+    def _receive_results(self, future: Any) -> None:  # noqa: ANN401
+        reasons = [one.reason for one in future.result().results if not one.successful]
+        if reasons:
+            self._on_refused("; ".join(reasons))
+        else:
+            self.ask()

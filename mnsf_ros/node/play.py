@@ -99,7 +99,7 @@ def _publishers(
 
 def _is_heard(reader: BagReader, ros: RawTopics, topics: Iterable[str]) -> bool:
     clouds = (topic for topic in topics if reader.topics[topic].msgtype == CLOUD_TYPE)
-    return any(ros.num_subscribers(topic) for topic in clouds)
+    return any(ros.node.count_subscribers(topic) for topic in clouds)
 
 
 def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, str, bytes]]:

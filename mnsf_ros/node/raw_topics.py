@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Topics of the ROS graph: messages as bytes, and the topics of lidars."""
+"""Topics of the ROS graph for programs beside the node, and the topics of lidars."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class RawTopics:
             self._context.try_shutdown()
 
     def publisher(self, topic: str, msgtype: str, *, is_latched: bool = False) -> Any:  # noqa: ANN401
-        """Returns a reliable publisher; its `publish` takes serialized messages.
+        """Returns a reliable publisher; its `publish` takes serialized messages, too.
 
         Raises:
             MessageTypeError: The type is not installed.
@@ -85,20 +85,24 @@ class RawTopics:
         return self.node.create_publisher(message_class(msgtype), topic, _qos(is_latched))
 
     def subscribe(
-        self, topic: str, msgtype: str, on_message: Callable[[bytes], None], depth: int = _DEPTH
+        self,
+        topic: str,
+        msgtype: str,
+        on_message: Callable[[Any], None],
+        *,
+        depth: int = _DEPTH,
+        is_raw: bool = False,
     ) -> Any:  # noqa: ANN401
-        """Calls `on_message` with each serialized message of a topic; returns the subscription.
+        """Calls `on_message` with each message of a topic, serialized if that `is_raw`.
+
+        Returns the subscription.
 
         Raises:
             MessageTypeError: The type is not installed.
         """
         return self.node.create_subscription(
-            message_class(msgtype), topic, on_message, _qos(depth=depth), raw=True
+            message_class(msgtype), topic, on_message, _qos(depth=depth), raw=is_raw
         )
-
-    def unsubscribe(self, subscription: Any) -> None:  # noqa: ANN401
-        """Ends a subscription."""
-        self.node.destroy_subscription(subscription)
 
     def clock(self) -> Callable[[int], None]:
         """Returns a function that publishes a time in nanoseconds on /clock."""
@@ -110,14 +114,6 @@ class RawTopics:
             publisher.publish(message)
 
         return publish
-
-    def num_publishers(self, topic: str) -> int:
-        """Number of publishers of a topic."""
-        return int(self.node.count_publishers(topic))
-
-    def num_subscribers(self, topic: str) -> int:
-        """Number of subscribers of a topic."""
-        return int(self.node.count_subscribers(topic))
 
     def spin_for(self, duration_s: float) -> None:
         """Handles the messages that arrive within a duration."""

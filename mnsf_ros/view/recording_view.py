@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from queue import Empty
 from typing import Any, Final, TypeAlias
 
 from mnsf_ros.core.reason_terms import rows_at
-from mnsf_ros.errors import EvaluationError, MnsfError, SettingsError
+from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.recordings import short_name
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
@@ -20,7 +19,6 @@ from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
-from mnsf_ros.view.commands import Asked, are_usual
 from mnsf_ros.view.estimated_sweeps import (
     LAYERS,
     EstimatedSweep,
@@ -28,8 +26,8 @@ from mnsf_ros.view.estimated_sweeps import (
     pose_and_objects,
     scene_of,
 )
-from mnsf_ros.view.knobs import knobs
 from mnsf_ros.view.page_server import PageServer
+from mnsf_ros.view.page_view import PageView, are_usual
 from mnsf_ros.view.scene_message import Paths, Trails, scene_message
 
 # Memory of the method `online`: earlier sweeps have no effect.
@@ -54,7 +52,7 @@ class _Shown:
 _Preview: TypeAlias = tuple[Stream, _Shown]
 
 
-class RecordingView:
+class RecordingView(PageView):
     """Plays a recording for the viewers of a server; rests while there are none.
 
     Positions are seconds since the first sweep.
@@ -74,8 +72,8 @@ class RecordingView:
             SettingsError: The method cannot be made with the settings.
             RecordingError: Damage is met in the recording.
         """
-        self._server, self._reader, self._topics = server, reader, topics
-        self._settings, self._first_settings = settings, settings
+        super().__init__(server, short_name(reader.path), settings)
+        self._reader, self._topics = reader, topics
         self._speed, self._is_playing = speed, True
         self._layers = LAYERS if topics.truth is not None else ("estimate",)
         self._layer = "estimate"
@@ -83,7 +81,6 @@ class RecordingView:
         self._first_ns, self._duration_s = first_ns, (last_ns - first_ns) / NANOSECONDS
         self._first_stamp_ns: int | None = None
         self._warnings: deque[str] = deque(maxlen=_MAX_WARNINGS)
-        self._asked: Asked | None = None
         self._kept: deque[_Shown] = deque(maxlen=_KEPT)
         self._place = -1  # of the shown sweep among the kept ones
         self._due_s = 0.0
@@ -92,24 +89,8 @@ class RecordingView:
         self._preview: _Preview | None = None
         self._start_at(0.0)
         self._publish_knobs()
-        server.tell("title", text=short_name(reader.path))
-
-    def run(self) -> None:
-        """Plays for ever, from the beginning again at the end."""
-        while True:
-            self.work()
-
-    def work(self) -> None:
-        """Follows the next command, or shows the next sweep when it is due."""
-        try:
-            command = self._server.commands.get(timeout=self._idle_s())
-        except Empty:
-            self._advance()
-        else:
-            self._follow(command)
 
     def _idle_s(self) -> float | None:
-        """Seconds without work; None until the next command."""
         if self._server.num_viewers == 0:
             return None
         if self._target_s is not None:
@@ -133,21 +114,12 @@ class RecordingView:
                 self._layer = name
                 if self._kept:
                     self._publish_scene(self._kept[self._place])
-            case {"do": "set", "name": str(name), "value": value}:
-                self._change(name, value)
-            case {"do": "reset"}:
-                self._use(self._first_settings)
-            case {"do": "explain" | "forget"}:
-                self._asked = Asked.by(command)
-                self._explain()
+            case _:
+                super()._follow(command)
         self._publish_player()
 
-    def _change(self, name: str, value: object) -> None:
-        try:
-            self._use(self._settings.changed({name: value}))
-        except SettingsError as error:
-            self._server.refuse(str(error))
-            self._publish_knobs()
+    def _set(self, values: Mapping[str, Any]) -> None:
+        self._use(self._settings.changed(values))
 
     def _use(self, settings: Settings) -> None:
         """Lets settings hold from the next sweep on; while paused, for the shown one at once."""
@@ -270,9 +242,6 @@ class RecordingView:
             except EvaluationError as error:
                 lines = [str(error)]
         self._server.tell("reasons", lines=lines)
-
-    def _publish_knobs(self) -> None:
-        self._server.tell("knobs", **knobs(self._settings, of_node=False))
 
     def _publish_player(self, estimated_s: float = 0.0) -> None:
         """Tells the state of the player; before the target, the position of the last estimate."""

@@ -76,7 +76,7 @@ def test_topics_are_chosen_and_the_first_message_waits_for_somebody_who_listens(
         # Longer than the recording lasts.
         ros.spin_for(2.0)
         for topic, msgtype in zip(TOPICS, (CLOUD_TYPE, ODOMETRY_TYPE), strict=True):
-            ros.subscribe(topic, msgtype, heard[topic].append, depth=1000)
+            ros.subscribe(topic, msgtype, heard[topic].append, depth=1000, is_raw=True)
         give_up_s = time.monotonic() + 120
         while player.is_alive() and time.monotonic() < give_up_s:
             ros.spin_for(0.05)
@@ -103,7 +103,7 @@ def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain:
         RawTopics("listener") as ros,
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
     ):
-        ros.subscribe("/points", CLOUD_TYPE, heard.append, depth=1000)
+        ros.subscribe("/points", CLOUD_TYPE, heard.append, depth=1000, is_raw=True)
         give_up_s = time.monotonic() + 120
         while not is_round() and process.poll() is None and time.monotonic() < give_up_s:
             ros.spin_for(0.05)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from threading import Thread
 from urllib.parse import urlsplit
 
@@ -16,10 +16,12 @@ from websockets.sync.client import connect
 
 pytest.importorskip("rclpy")
 from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.node.parameters import NodeParameters
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
 from mnsf_ros.sweeps_io.flow_columns import object_columns
@@ -29,6 +31,7 @@ from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encoding_of_columns
 
 PATIENCE_S = 60.0
+KNOB = "objects.max_speed_m_s"
 
 
 @pytest.fixture
@@ -125,9 +128,45 @@ def test_scenes_of_a_node_while_somebody_watches(address: str) -> None:
             front.publish(12, without="objects")
             front.publish(13, without="objects")
             assert scene()["stamp"] == "12.000"
-            # A recording that starts again; topics have no order among each other.
-            ros.spin_for(0.5)
+            # A recording that starts again, after what was left of its end.
             front.publish(5)
-            seen = scene()
+            while (seen := scene())["stamp"] == "13.000":
+                pass
             assert (seen["stamp"], len(seen["objects"][0]["path"])) == ("5.000", 1)
         front.until(lambda: front.num_subscriptions() == 0)
+
+
+def test_parameters_of_a_node_by_whomever_they_are_set(address: str) -> None:
+    with (
+        RawTopics("front") as ros,
+        closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer,
+    ):
+        NodeParameters(ros.node)
+        newest: dict[str, dict] = {}
+
+        def until(condition: Callable[[], object]) -> None:
+            give_up_s = time.monotonic() + PATIENCE_S
+            while not (newest and condition()):
+                assert time.monotonic() < give_up_s, newest.keys()
+                ros.spin_for(0.05)
+                with suppress(TimeoutError):
+                    while message := json.loads(viewer.recv(timeout=0)):
+                        newest[message["kind"]] = message
+
+        def shown() -> float | None:
+            knobs = [one for g in newest.get("knobs", {}).get("groups", []) for one in g["knobs"]]
+            return next((one["value"] for one in knobs if one["name"] == KNOB), None)
+
+        def set_knob(value: float) -> None:
+            viewer.send(json.dumps({"do": "set", "name": KNOB, "value": value}))
+
+        until(lambda: shown() == 36.0)
+        set_knob(20)
+        until(lambda: shown() == ros.node.get_parameter(KNOB).value == 20.0)
+        ros.node.set_parameters([Parameter(KNOB, value=30.0)])
+        until(lambda: shown() == 30.0)
+        assert newest["knobs"]["changed"] == [KNOB]
+        set_knob(999)
+        until(lambda: "999" in newest.get("refused", {}).get("text", ""))
+        viewer.send(json.dumps({"do": "reset"}))
+        until(lambda: shown() == ros.node.get_parameter(KNOB).value == 36.0)

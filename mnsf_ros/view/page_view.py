@@ -1,0 +1,164 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""What the views of a recording and of a node share: commands of viewers, and parameters."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from queue import Empty
+from typing import Any, Final
+
+from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.setting import Setting
+from mnsf_ros.settings import Settings, declared_settings
+from mnsf_ros.settings_documents import settings_yaml
+from mnsf_ros.view.page_server import PageServer
+
+_USUAL: Final = 2**31
+# Groups that only networks read, and those that only a node reads.
+_NETWORKS: Final = frozenset(
+    ("distance", "nsfp", "mnsf_cycle", "linear", "field", "optimization", "early_stopping")
+) | {"fusion", "compute"}
+_NODE: Final = frozenset(
+    ("tf", "lidars", "lidar_1", "lidar_2", "lidar_3", "lidar_4", "output", "node")
+)
+_TITLE: Final = "Changed on the page of mnsf view; the other parameters have their defaults."
+
+
+def are_usual(*values: object) -> bool:
+    """Whether values are numbers, neither NaN nor too large for whatever is done with them."""
+    return all(isinstance(value, (int, float)) and abs(value) < _USUAL for value in values)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a viewer wants explained.
+
+    Attributes:
+        at: Place (x, y), metres, sensor frame.
+        track: `track_id` of an object to be followed from sweep to sweep; 0 for none.
+    """
+
+    at: tuple[float, float]
+    track: int
+
+    @classmethod
+    def by(cls, command: Mapping[str, Any]) -> Asked | None:
+        """Returns what a command asks for; None for nothing, or nothing usual."""
+        match command:
+            case {"at": [x, y], "track": int(track)} if are_usual(x, y, track):
+                return cls((x, y), track)
+        return None
+
+    def place_in(self, objects: Sequence[TrackedObject]) -> tuple[float, float]:
+        """Returns (x, y) of the object in a sweep, or the place that was clicked."""
+        for item in objects:
+            if item.track_id == self.track:
+                return float(item.center[0]), float(item.center[1])
+        return self.at
+
+
+class PageView(ABC):
+    """Shows sweeps to the viewers of a server, and follows their commands."""
+
+    def __init__(
+        self, server: PageServer, title: str, settings: Settings, *, of_node: bool = False
+    ) -> None:
+        """`settings` are those at first, to which viewers can return."""
+        self._server = server
+        self._settings, self._first_settings = settings, settings
+        self._hidden = frozenset() if of_node else _NODE
+        self._asked: Asked | None = None
+        server.tell("title", text=title)
+
+    def run(self) -> None:
+        """Follows the viewers for ever."""
+        while True:
+            self.work()
+
+    def work(self) -> None:
+        """Follows the next command, or goes on if none comes in time."""
+        try:
+            command = self._server.commands.get(timeout=self._idle_s())
+        except Empty:
+            self._advance()
+        else:
+            self._follow(command)
+
+    @abstractmethod
+    def _idle_s(self) -> float | None:
+        """Seconds without work; None until the next command."""
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """Does a little of what is to be done without a command."""
+
+    @abstractmethod
+    def _set(self, values: Mapping[str, Any]) -> None:
+        """Changes settings by their names; raises SettingsError if they do not fit."""
+
+    @abstractmethod
+    def _explain(self) -> None:
+        """Tells the reasons for what is asked about in the sweep that is shown."""
+
+    def _follow(self, command: dict[str, Any]) -> None:
+        match command:
+            case {"do": "set", "name": str(name), "value": value}:
+                self._try_to_set({name: value})
+            case {"do": "reset"}:
+                first = self._first_settings.to_mapping()
+                self._try_to_set({one: first[one] for one in self._changed(first)})
+            case {"do": "explain" | "forget"}:
+                self._asked = Asked.by(command)
+                self._explain()
+
+    def _try_to_set(self, values: Mapping[str, Any]) -> None:
+        try:
+            self._set(values)
+        except SettingsError as error:
+            self._refuse(str(error))
+
+    def _refuse(self, reason: str) -> None:
+        self._server.refuse(reason)
+        self._publish_knobs()
+
+    def _changed(self, usual: Mapping[str, Any]) -> list[str]:
+        """Names of the settings that differ and can be changed."""
+        return [
+            one.name
+            for one in declared_settings()
+            if not one.fixed and self._settings.value_of(one.name) != usual[one.name]
+        ]
+
+    def _publish_knobs(self) -> None:
+        """Tells the settings in their groups with values and ranges, and a parameter file.
+
+        Groups that have no effect are left out. The file has all that differs from the defaults.
+        """
+        usual = Settings().to_mapping()
+        now = self._settings
+        changed = [name for name, value in usual.items() if now.value_of(name) != value]
+        is_online = now.method.name == usual["method.name"]
+        hidden = self._hidden | (_NETWORKS if is_online else {"objects"})
+        groups = []
+        for group in fields(Settings):
+            offered = [
+                _knob(one, now)
+                for one in declared_settings()
+                if one.group == group.name and not one.fixed
+            ]
+            if offered and group.name not in hidden:
+                text = (type(group.default).__doc__ or "").partition("\n")[0]
+                groups.append({"name": group.name, "text": text, "knobs": offered})
+        file = settings_yaml(now, _TITLE, changed) if changed else ""
+        self._server.tell("knobs", groups=groups, file=file, changed=changed)
+
+
+def _knob(setting: Setting, settings: Settings) -> dict[str, Any]:
+    return vars(setting) | {
+        "kind": setting.kind.__name__,
+        "value": settings.value_of(setting.name),
+        "unit": setting.unit,
+    }
