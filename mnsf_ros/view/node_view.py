@@ -51,6 +51,7 @@ _VALUES: Final = {
 _ROUND_S: Final = 0.05
 _PARAMETERS_PERIOD_S: Final = 1.0
 _MAX_WAITING: Final = 5
+_JUMP_NS: Final = NANOSECONDS  # back in time: a recording that starts again
 
 Self = TypeVar("Self", bound="NodeView")
 
@@ -86,7 +87,7 @@ class NodeView(PageView):
         self._ros.__exit__(*error)
 
     def _forget(self) -> None:
-        self._waiting: dict[int, dict[str, Any]] = {}  # parts by their stamp, as they came
+        self._waiting: dict[int, dict[str, Any]] = {}  # parts by their stamp
         self._paths = Paths()
         self._shown: Scene | None = None
         self._latency_ms: float | None = None
@@ -152,20 +153,20 @@ class NodeView(PageView):
 
     def _receive_part(self, part: str, message: Any) -> None:  # noqa: ANN401
         """Shows the scene that a message completes, or the last one with flow that it passes by."""
-        stamp_ns = decode_stamp(message.header.stamp)
-        self._waiting.setdefault(stamp_ns, {})[part] = message
-        *earlier, _ = self._waiting
-        if len(self._waiting[stamp_ns]) == len(_PARTS):
-            self._show(stamp_ns)
-        elif passed_by := [one for one in earlier if "/flow" in self._waiting[one]]:
-            self._show(passed_by[-1])
-        elif len(earlier) == _MAX_WAITING:
-            del self._waiting[earlier[0]]
+        stamp_ns, waiting = decode_stamp(message.header.stamp), self._waiting
+        if waiting and stamp_ns < max(waiting) - _JUMP_NS:
+            waiting.clear()
+        waiting.setdefault(stamp_ns, {})[part] = message
+        stamps = sorted(waiting)
+        complete = [one for one in stamps if len(waiting[one]) == len(_PARTS)]
+        passed_by = [one for one in stamps[:-1] if "/flow" in waiting[one]]
+        shown_ns = max(complete or passed_by, default=-1)
+        later = (one for one in stamps[-_MAX_WAITING:] if one > shown_ns)
+        self._waiting = {one: waiting[one] for one in later}
+        if shown_ns in waiting:
+            self._show(shown_ns, waiting[shown_ns])
 
-    def _show(self, stamp_ns: int) -> None:
-        parts, stamps = self._waiting[stamp_ns], [*self._waiting]
-        for one in stamps[: stamps.index(stamp_ns) + 1]:
-            del self._waiting[one]
+    def _show(self, stamp_ns: int, parts: dict[str, Any]) -> None:
         self._shown = scene = _scene(stamp_ns, parts)
         trails = self._paths.after(stamp_ns, scene.world_from_sensor, scene.objects)
         self._server.publish("scene", scene_message(scene, trails))
