@@ -35,9 +35,9 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
+from mnsf_ros.evaluation.results import FinishedTask
 from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
@@ -165,7 +165,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
     rows = {}
     for method in evaluated_methods(METHODS, options):
         for event in run_task(EvaluationTask(recording, method), options):
-            if isinstance(event, Findings):
+            if isinstance(event, FinishedTask):
                 is_warned = is_warned or bool(event.damages) or bool(event.counts)
                 continue
             row = json.loads(to_json(event))

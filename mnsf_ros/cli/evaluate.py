@@ -12,7 +12,6 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen, chosen_settings
 from mnsf_ros.cli.console import Console, complain, counting_progress
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
@@ -21,7 +20,7 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.parallel import executor
 from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.task import TaskEvent, TaskFailed
@@ -135,7 +134,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
         console.say(f"Results folder: {folder.path}")
         try:
             for task, event in _shown(tasks, execute(tasks, evaluation), evaluation, console):
-                folder.take(task, event)
+                folder.take(event)
                 if isinstance(event, TaskFailed):
                     given_up.append(f"gave up {_title(task)}: {event.reason}")
         finally:
@@ -161,8 +160,8 @@ def _shown(
             yield task, event
             if isinstance(event, ResultRow):
                 done[task.key] += 1
-            elif isinstance(event, Findings):
-                text = f"{_title(task)}: done, examples: {done[task.key]}"
+            elif isinstance(event, FinishedTask):
+                text = f"{_title(task)}: done, examples: {event.num_examples}"
                 console.say(text, soft_wrap=True)
                 # The first and the last sweep of a recording make no example.
                 done[task.key] = num_sweeps[task.key]

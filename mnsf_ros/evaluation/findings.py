@@ -18,7 +18,7 @@ from mnsf_ros.sweeps.sweep_buffer import Arrival
 _MAX_DAMAGES: Final = 100
 
 
-class Event(Enum):
+class Event(str, Enum):
     """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it."""
 
     SWEEPS_UNSTAMPED = "sweeps without a stamp; the time of reception was used"

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Pictures for the report, drawn during the run: the first sweeps of a task, and its worst ones."""
+"""Pictures for the report, drawn by the tasks: an animation of the first sweeps, the worst ones."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import hashlib
 import heapq
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,15 +18,13 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S
-from mnsf_ros.drawing.street_picture import frame
+from mnsf_ros.drawing.street_picture import animation, frame
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.outcomes import attempted
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
-FRAME: Final = "frame"
-WORST: Final = "worst"
+ANIMATION: Final = "animation.webp"
 _FOLDER: Final = "pictures"
 # Frames of the animation: some seconds at most, which a page can hold.
 _NUM_FRAMES: Final = 20
@@ -35,56 +34,67 @@ _SLOW_M_S: Final = 0.5
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of one sweep.
+    """A picture of a task.
 
     Attributes:
         recording: Name of the recording.
         method: Name of the method.
-        number: Index of the sweep in the recording.
-        image: A PNG file.
-        kind: `FRAME` of the animation, or one of the `WORST` sweeps.
+        name: `ANIMATION`, or `worst_name` of a sweep.
+        image: The file.
     """
 
     recording: str
     method: str
-    number: int
+    name: str
     image: bytes
-    kind: str = FRAME
+
+
+def worst_name(number: int) -> str:
+    """Returns the file name of the picture of a sweep by its number."""
+    return f"sweep_{number}.png"
 
 
 class Painter:
-    """Draws the first sweeps of one task as they come, and its worst ones at its end."""
+    """Draws the first sweeps of a task as an animation, and its worst ones."""
 
-    def __init__(self, number: int, *, has_frames: bool = True) -> None:
-        """Draws so many of the worst sweeps; if any, also frames."""
+    def __init__(self, number: int, *, is_animated: bool = True) -> None:
+        """Draws so many of the worst sweeps; if any, also the animation."""
         self._number = number
-        self._num_frames = _NUM_FRAMES if number and has_frames else 0
-        self._worst: list[tuple[float, int, ResultRow, Example, FlowEstimate]] = []
+        self._num_left = _NUM_FRAMES if number and is_animated else 0
+        # Stamp in nanoseconds to frame.
+        self._frames: dict[int, bytes] = {}
+        self._worst: list[tuple[float, int, Example, FlowEstimate]] = []
 
-    def frames(self, row: ResultRow, example: Example, estimate: FlowEstimate) -> Iterator[Picture]:
-        """Yields the frame of an example, if it gets one; it may be among the worst, too."""
-        if self._number and not math.isnan(row.badness_m):
+    def add(self, badness_m: float, example: Example, estimate: FlowEstimate) -> None:
+        """Takes an estimate that is so bad, NaN if unknown."""
+        if self._number and not math.isnan(badness_m):
             # Of equals the first ones, as in the report.
-            heapq.heappush(self._worst, (row.badness_m, -row.number, row, example, estimate))
+            heapq.heappush(self._worst, (badness_m, -example.number, example, estimate))
             if len(self._worst) > self._number:
                 heapq.heappop(self._worst)
-        if self._num_frames:
-            self._num_frames -= 1
-            yield from _drawn(FRAME, row, example, estimate)
+        if self._num_left:
+            self._num_left -= 1
+            if (image := _drawn(lambda: sweep_picture(example, estimate))) is not None:
+                self._frames[example.triplet.current.stamp_ns] = image
 
-    def worst(self) -> Iterator[Picture]:
-        """Yields the pictures of the worst sweeps."""
-        for _, _, row, example, estimate in self._worst:
-            yield from _drawn(WORST, row, example, estimate)
+    def pictures(self, recording: str, method: str) -> Iterator[Picture]:
+        """Yields the pictures; what cannot be drawn is left out, and costs no results."""
+        images = {}
+        if len(self._frames) > 1:
+            interval_s = float(np.median(np.diff(list(self._frames)))) / NANOSECONDS
+            frames = list(self._frames.values())
+            images[ANIMATION] = _drawn(lambda: animation(frames, interval_s))
+        for _, _, example, estimate in self._worst:
+            draw = partial(sweep_picture, example, estimate)
+            images[worst_name(example.number)] = _drawn(draw)
+        for name, image in images.items():
+            if image is not None:
+                yield Picture(recording, method, name, image)
 
 
-def _drawn(
-    kind: str, row: ResultRow, example: Example, estimate: FlowEstimate
-) -> Iterator[Picture]:
-    """The picture of a row; none where it cannot be drawn, which must not cost results."""
-    image = attempted(lambda: sweep_picture(example, estimate))
-    if isinstance(image, bytes):
-        yield Picture(row.recording, row.method, row.number, image, kind)
+def _drawn(draw: Callable[[], bytes]) -> bytes | None:
+    image = attempted(draw)
+    return image if isinstance(image, bytes) else None
 
 
 def sweep_picture(example: Example, estimate: FlowEstimate) -> bytes:
@@ -120,25 +130,18 @@ def save_picture(run_folder: Path, picture: Picture) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    folder = _folder_of(run_folder, picture.recording, picture.method)
-    folder.mkdir(parents=True, exist_ok=True)
-    draft = folder / ".new"
+    file = picture_file(run_folder, picture.recording, picture.method, picture.name)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    draft = file.with_name(".new")
     draft.write_bytes(picture.image)
-    draft.replace(folder / f"{picture.kind}_{picture.number}.png")
+    draft.replace(file)
 
 
-def saved_pictures(run_folder: Path, recording: str, method: str, kind: str) -> dict[int, bytes]:
-    """Returns number of the sweep to picture, in the order of the sweeps."""
-    files = _folder_of(run_folder, recording, method).glob(f"{kind}_*.png")
-    found = {int(file.stem.partition("_")[2]): file for file in files if file.is_file()}
-    return {number: found[number].read_bytes() for number in sorted(found)}
-
-
-def _folder_of(run_folder: Path, recording: str, method: str) -> Path:
-    """The folder of a task, with a name that any file system and locale can have."""
+def picture_file(run_folder: Path, recording: str, method: str, name: str) -> Path:
+    """Returns the file of a picture, which need not be there."""
+    # In a folder that any file system and locale can have, and no other task has.
     plain = f"{recording}.{method}"
     safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
-    # Two tasks must not share a name.
     if safe != plain:
         safe = f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
-    return run_folder / _FOLDER / safe
+    return run_folder / _FOLDER / safe / name

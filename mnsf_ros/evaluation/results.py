@@ -94,7 +94,7 @@ class ResultRow:
 
 @dataclass(frozen=True)
 class FinishedTask:
-    """Findings of one method on one recording.
+    """End of one method on one recording, and what was noticed.
 
     Attributes:
         recording: Name of the recording.

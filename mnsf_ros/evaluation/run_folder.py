@@ -24,8 +24,7 @@ from typing import Any, Final, TypeVar
 
 import cattrs
 
-from mnsf_ros.errors import EvaluationError, plain_text
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import Picture, save_picture
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
@@ -43,18 +42,14 @@ Kind = TypeVar("Kind")
 
 
 class StoppedError(EvaluationError):
-    """A run cannot go on; finished results are kept, and `--resume` does the rest."""
-
-
-class WritingError(StoppedError):
-    """A file of a run cannot be written, as on a full disk; the old content stays."""
+    """A run cannot go on, as on a full disk; `--resume` does the rest after what is finished."""
 
 
 class RunFolder:
     """Reads the files of a run, and adds to them: `begin`, then `take`.
 
     Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
-    a WritingError if that fails.
+    a StoppedError if that fails.
 
     Attributes:
         path: The folder.
@@ -63,7 +58,6 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
-        self._num_rows: Counter[TaskKey] = Counter()
 
     def begin(self, record: RunRecord, *, resume: bool) -> list[EvaluationTask]:
         """Writes the record of the run; returns the tasks that are left to do.
@@ -83,7 +77,6 @@ class RunFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         tasks = self._left(record)
         replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
-        self._num_rows = Counter({task.key: len(task.skipped) for task in tasks})
         return tasks
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
@@ -103,19 +96,15 @@ class RunFolder:
             known[row.task].add(row.number)
         return [replace(task, skipped=frozenset(known[task.key])) for task in left]
 
-    def take(self, task: EvaluationTask, event: TaskEvent) -> None:
+    def take(self, event: TaskEvent) -> None:
         """Writes down an event of a task."""
         if isinstance(event, ResultRow):
             _append_line(self._rows, event)
-            self._num_rows[task.key] += 1
+        elif isinstance(event, FinishedTask):
+            _append_line(self._tasks, event)
         elif isinstance(event, Picture):
             with _writing(self.path):
                 save_picture(self.path, event)
-        elif isinstance(event, Findings):
-            counts = {kind.value: count for kind, count in event.counts.items()}
-            damages = [plain_text(damage) for damage in event.damages]
-            finished = FinishedTask(*task.key, self._num_rows[task.key], counts, damages)
-            _append_line(self._tasks, finished)
 
     @property
     def has_results(self) -> bool:
@@ -156,7 +145,7 @@ def replace_file(file: Path, parts: Iterable[str]) -> None:
     """Writes a file so that it is there as a whole, the old or the new one, at any time.
 
     Raises:
-        WritingError: That fails; the old file is still there.
+        StoppedError: That fails; the old file is still there.
     """
     draft = file.with_name(f".{file.name}.new")
     with _writing(file):
@@ -203,11 +192,11 @@ def _holds_something(out: Path) -> bool:
 
 @contextmanager
 def _writing(file: Path) -> Iterator[None]:
-    """Makes a WritingError of an OSError while a file or folder is written."""
+    """Makes a StoppedError of an OSError while a file or folder is written."""
     try:
         yield
     except OSError as error:
-        raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
+        raise StoppedError(f"{file}: cannot be written: {error.strerror or error}") from error
 
 
 def _read_lines(file: Path, kind: type[Kind]) -> Iterator[Kind]:

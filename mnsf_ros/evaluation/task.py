@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import MnsfError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.methods import make_method
 from mnsf_ros.online.stream import Stream
@@ -33,7 +33,7 @@ class TaskFailed:
     reason: str
 
 
-TaskEvent = ResultRow | Picture | Findings | TaskFailed
+TaskEvent = ResultRow | Picture | FinishedTask | TaskFailed
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
@@ -48,33 +48,38 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, pictures for a report, and at the very end what was
-        noticed.
+        A row for each example as it gets ready, then pictures for a report, and at the very end a
+        FinishedTask.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
     """
-    findings, recording = Findings(), task.recording
+    findings, recording, num_rows = Findings(), task.recording, len(task.skipped)
     stream = Stream(options.settings, task.method.name)
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
-    painter = Painter(options.pictures, has_frames=not stream.traits.is_reference)
+    painter = Painter(options.pictures, is_animated=not stream.traits.is_reference)
     with recording.open() as reader:
-        examples = islice(
-            read_examples(reader, recording, options, findings), options.max_examples or None
-        )
-        wanted = (
-            (example, place % options.every == 0)
-            for place, example in enumerate(examples)
-            if example.number not in task.skipped
-        )
-        for outcome in _outcomes(stream, wanted, options.realtime):
-            example, estimate, row = outcome.example, outcome.result, _row(outcome, stream)
-            if isinstance(estimate, FlowEstimate) and row.failure is None:
-                yield from painter.frames(row, example, estimate)
+        examples = read_examples(reader, recording, options, findings)
+        for outcome in _outcomes(stream, _chosen(examples, task, options), options.realtime):
+            row = _row(outcome, stream)
+            if isinstance(outcome.result, FlowEstimate) and row.failure is None:
+                painter.add(row.badness_m, outcome.example, outcome.result)
+            num_rows += 1
             yield row
-        yield from painter.worst()
-    yield findings
+    yield from painter.pictures(*task.key)
+    damages = [plain_text(damage) for damage in findings.damages]
+    counts = {event.value: number for event, number in findings.counts.items()}
+    yield FinishedTask(*task.key, num_rows, counts, damages)
+
+
+def _chosen(
+    examples: Iterable[Example], task: EvaluationTask, options: EvaluationOptions
+) -> Iterator[tuple[Example, bool]]:
+    """The examples that have no row yet, and whether each is scored."""
+    for place, example in enumerate(islice(examples, options.max_examples or None)):
+        if example.number not in task.skipped:
+            yield example, place % options.every == 0
 
 
 def _outcomes(

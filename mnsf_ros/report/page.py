@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 import base64
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import jinja2
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.street_picture import animation
-from mnsf_ros.evaluation.pictures import FRAME, WORST, saved_pictures
+from mnsf_ros.evaluation.pictures import ANIMATION, picture_file, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
@@ -40,7 +39,7 @@ def write_report(folder: RunFolder, results: RunResults, num_pictured: int = 3) 
         The file.
 
     Raises:
-        WritingError: Writing fails.
+        StoppedError: Writing fails.
     """
     tables = (
         worst_table(results.worst, results.focus),
@@ -67,32 +66,36 @@ class Image(NamedTuple):
 
 
 def _animation(results: RunResults, folder: Path) -> Image | None:
-    """The first sweeps of a recording by one method, of the first that has frames."""
-    own = results.table[results.table["method"] == results.focus]
+    """The first sweeps of a recording by one method, of the first that has an animation."""
     for recording in results.record.recordings:
-        frames = saved_pictures(folder, recording.name, results.focus, FRAME)
-        rows = own[(own["recording"] == recording.name) & own["number"].isin(frames)]
-        if len(rows) > 1:
-            interval_s = float(rows["stamp_ns"].diff().median()) / NANOSECONDS
-            caption = f"{recording.name}, the first {len(frames)} scored sweeps. "
-            caption += _places(recording, results.focus)
-            with suppress(OSError, SyntaxError, ValueError):  # damaged frames
-                images = animation(list(frames.values()), interval_s)
-                return Image(_uri(images, "webp"), f"Animation of what moves in {caption}", caption)
+        caption = f"{recording.name}, the first scored sweeps. {_places(recording, results.focus)}"
+        where = (recording.name, results.focus, ANIMATION)
+        if image := _image(folder, *where, f"Animation of what moves in {caption}", caption):
+            return image
     return None
 
 
-def _worst(results: RunResults, folder: Path, number: int) -> list[Image]:
+def _worst(results: RunResults, folder: Path, number: int) -> Iterator[Image]:
     recordings = {one.name: one for one in results.record.recordings}
-    images = []
     for row in results.worst["row"][:number]:
-        drawn = saved_pictures(folder, row.recording, row.method, WORST)
-        if row.number in drawn:
-            where = f"{row.recording}, sweep {row.number}, {row.stamp_ns / NANOSECONDS:.3f} s"
-            places = _places(recordings[row.recording], row.method)
-            caption = f"{where}: {_figure(row)}. {places}"
-            images.append(Image(_uri(drawn[row.number]), f"What moves in {caption}", caption))
-    return images
+        where = f"{row.recording}, sweep {row.number}, {row.stamp_ns / NANOSECONDS:.3f} s"
+        places = _places(recordings[row.recording], row.method)
+        caption = f"{where}: {_figure(row)}. {places}"
+        name = worst_name(row.number)
+        alt = f"What moves in {caption}"
+        if image := _image(folder, row.recording, row.method, name, alt, caption):
+            yield image
+
+
+def _image(
+    folder: Path, recording: str, method: str, name: str, alt: str, caption: str
+) -> Image | None:
+    """The image of a picture that is there."""
+    file = picture_file(folder, recording, method, name)
+    if not file.is_file():
+        return None
+    content = base64.b64encode(file.read_bytes()).decode("ascii")
+    return Image(f"data:image/{file.suffix[1:]};base64,{content}", alt, caption)
 
 
 def _places(recording: EvaluatedRecording, method: str) -> str:
@@ -103,7 +106,3 @@ def _figure(row: ResultRow) -> str:
     if "all" in row.errors and row.errors["all"].num_points:
         return f"EPE {row.badness_m:.3f} m"
     return f"{format_number(row.badness_m, 3)} m from the moved points to the next sweep"
-
-
-def _uri(picture: bytes, kind: str = "png") -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(picture).decode('ascii')}"

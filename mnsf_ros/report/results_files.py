@@ -56,7 +56,7 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     """Writes results.md, .csv and .tex, in place of those of an earlier session.
 
     Raises:
-        WritingError: Writing fails; files that are not written yet are those of before.
+        StoppedError: Writing fails; files that are not written yet are those of before.
     """
     replace_file(folder.path / "results.md", [results_markdown(results)])
     replace_file(folder.path / "results.csv", [results_csv(results)])

@@ -99,8 +99,8 @@ def run(name: str, options: StudyOptions) -> StudyResult:
     record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])
     folder = RunFolder(options.out / "evaluation")
     tasks, numbers = folder.begin(record, resume=options.resume), count(1)
-    for task, event in run_serially(tasks, evaluation):
-        folder.take(task, event)
+    for _, event in run_serially(tasks, evaluation):
+        folder.take(event)
         if isinstance(event, ResultRow):
             options.say(f"{next(numbers)}: {_said(event)}")
     results = read_results(folder)

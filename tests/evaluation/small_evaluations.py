@@ -137,7 +137,7 @@ def run(out, recordings, methods, options, *, resume=False, watch=lambda task, e
     record, events = RunRecord(options, methods, recordings, [SESSION]), []
     folder = RunFolder(out)
     for task, event in run_serially(folder.begin(record, resume=resume), options):
-        folder.take(task, event)
+        folder.take(event)
         events.append(event)
         watch(task, event)
     return events, folder

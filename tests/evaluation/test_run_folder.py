@@ -13,11 +13,11 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.findings import Event, Findings
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import named_recordings
-from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
+from mnsf_ros.evaluation.results import FinishedTask, ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, from_json, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 
 NAN = math.nan
@@ -166,15 +166,13 @@ def test_recordings_are_named_by_the_last_part_of_their_path_if_that_is_enough(
 def done_run(out, recording, num_rows=2):
     """A run whose only task is finished, with these rows."""
     record = RunRecord(small.options(), small.methods_of(["ego"]), [recording], [small.SESSION])
-    findings = Findings()
-    findings.count(Event.GAPS, 6)
     folder = RunFolder(out)
-    (task,) = folder.begin(record, resume=False)
+    folder.begin(record, resume=False)
     assert not folder.has_results
     for number in range(num_rows):
-        folder.take(task, full_row(number, "ego"))
+        folder.take(full_row(number, "ego"))
         assert [row.number for row in folder.rows()] == list(range(number + 1))
-    folder.take(task, findings)
+    folder.take(FinishedTask("drive", "ego", num_rows, {Event.GAPS.value: 6}))
     return folder
 
 
@@ -225,6 +223,6 @@ def test_file_that_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
     file = tmp_path / "file"
     replace_file(file, ["old"])
     (tmp_path / ".file.new").mkdir()
-    with pytest.raises(WritingError, match="file: cannot be written: Is a directory"):
+    with pytest.raises(StoppedError, match="file: cannot be written: Is a directory"):
         replace_file(file, ["new"])
     assert file.read_text() == "old"

@@ -9,8 +9,9 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.findings import Event, Findings
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.results import FinishedTask
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_messages import cloud_message
@@ -26,7 +27,7 @@ def bag(tmp_path_factory):
 
 def rows_of(task, options, skipped=frozenset()):
     *rows, findings = run_task(replace(task, skipped=skipped), options)
-    assert isinstance(findings, Findings)
+    assert isinstance(findings, FinishedTask)
     return rows
 
 

@@ -13,7 +13,7 @@ import pytest
 from small_runs import NOTHING, dropped, failed, recording, row, rows, run_record, session
 
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
+from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError
 from mnsf_ros.report.results_files import (
     results_csv,
     results_markdown,
@@ -146,6 +146,6 @@ def test_full_disk_costs_no_earlier_results(tmp_path):
     found = results_of(run_record(), rows())
     write_results(RunFolder(tmp_path), found)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(WritingError, match=r"results\.md: cannot be written: "), small_disk(100):
+    with pytest.raises(StoppedError, match=r"results\.md: cannot be written: "), small_disk(100):
         write_results(RunFolder(tmp_path), found)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
