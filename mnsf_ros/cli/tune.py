@@ -60,7 +60,7 @@ def run_tune(options: argparse.Namespace) -> None:
     except KeyboardInterrupt:
         console.say(f"{options.out}: {RESUME}", soft_wrap=True)
         raise
-    for line in (*outcome.changes, outcome.verdict):
+    for line in outcome.lines:
         console.say(line)
     if path := outcome.write_parameters(options.out, shlex.join(["mnsf", *sys.argv[1:]])):
         console.say(f"Written: {path}", soft_wrap=True)

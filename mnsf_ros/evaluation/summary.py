@@ -26,6 +26,7 @@ from mnsf_ros.evaluation.mover_summary import summarize_movers
 from mnsf_ros.evaluation.results import ResultRow
 
 _OUT_OF_TIME: Final = "time_budget"
+_NUM_POINTS: Final = ".num_points"
 
 
 def row_table(rows: Iterable[ResultRow]) -> pd.DataFrame:
@@ -53,7 +54,7 @@ def summary_of(table: pd.DataFrame, methods: Sequence[str] = ()) -> pd.DataFrame
     grouped = figures.groupby(good["method"])
     # The order of the rows must not change the last digit.
     means = grouped.agg(mean)
-    counts = [name for name in means if name.endswith(".num_points")]
+    counts = [name for name in means if name.endswith(_NUM_POINTS)]
     means[counts] = grouped[counts].sum(min_count=1)
     further = {method: _further(lines[method]) for method in order}
     return pd.DataFrame.from_dict(further, orient="index").join(means).rename_axis("method")
@@ -84,3 +85,11 @@ def part_of(summary: pd.DataFrame, prefix: str) -> pd.DataFrame:
 def errors_in(summary: pd.DataFrame, group: str) -> pd.DataFrame:
     """Returns the errors of a group of points, `FlowErrors` by name, of methods with truth."""
     return part_of(summary, f"errors.{group}").dropna(how="all")
+
+
+def groups_in(own: pd.Series, field: str) -> list[str]:
+    """Returns the groups of points of a method with errors; bins in ascending order of limits."""
+    counts = [name for name in own.dropna().index if name.startswith(f"{field}.")]
+    names = [name.split(".", 1)[1] for name in counts if name.endswith(_NUM_POINTS)]
+    names = [name.removesuffix(_NUM_POINTS) for name in names]
+    return names if field == "errors" else sorted(names, key=float)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, product
 from typing import Final, NamedTuple
 
@@ -14,55 +14,43 @@ import pandas as pd
 from mnsf_ros.evaluation.options import num_sweeps_needed
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
-def protocol_text(
-    run: RunRecord, summary: pd.DataFrame, used: Mapping[str, UsedSettings]
-) -> list[str]:
-    """Returns sentences on the examples, points, settings and times of a run.
-
-    `used` has the settings of each method.
-    """
+def protocol_text(run: RunRecord, summary: pd.DataFrame) -> list[str]:
+    """Returns sentences on the examples, points, settings and times of a run."""
     options, crop = run.options, run.options.settings.crop
     counts = sorted(set(summary.get("num_examples", ())))
     numbers = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
-    means = f"Unweighted mean over {numbers or 'no'} example{'' if numbers == '1' else 's'}"
+    examples = f"{numbers or 'no'} example{'' if numbers == '1' else 's'}"
     recordings = "1 recording" if len(run.recordings) == 1 else f"{len(run.recordings)} recordings"
+    every = f", one in {options.every}" if options.every > 1 else ""
     points = f"{options.num_points:,} random points" if options.num_points else "all points"
     ground = "ground included"
     if options.settings.ground.remove:
         by_truth = options.ground == "truth" and any(one.truth for one in run.recordings)
         ground = f"ground left out by {'the truth' if by_truth else 'the settings'}"
-    scored = (
-        f"Scored: {points} within {crop.min_range_m:g} to {crop.max_range_m:g} m, "
-        f"{ground}; seed {options.seed}."
+    replay = (
+        f". Replay at {options.realtime:g} times real time, simulated from measured run times; "
+        "sweeps are dropped as in the live node"
     )
-    threads = options.settings.compute.num_threads
-    times = f"Time: stages of one estimate, device synchronized; threads: {threads}"
-    if options.realtime:
-        times += (
-            f". Replay at {options.realtime:g} times real time, simulated from measured run "
-            "times; sweeps are dropped as in the live node"
-        )
-    every = f", one in {options.every}" if options.every > 1 else ""
     return [
-        f"{means} from {recordings}{every}.",
-        scored,
-        _settings_text(run, summary, used),
-        f"{times}.",
+        f"Unweighted mean over {examples} from {recordings}{every}.",
+        f"Scored: {points} within {crop.min_range_m:g} to {crop.max_range_m:g} m, {ground}; "
+        f"seed {options.seed}.",
+        _settings_text(run, [str(name) for name in summary.index]),
+        "Time: stages of one estimate, device synchronized; threads: "
+        f"{options.settings.compute.num_threads}{replay if options.realtime else ''}.",
     ]
 
 
-def _settings_text(run: RunRecord, summary: pd.DataFrame, used: Mapping[str, UsedSettings]) -> str:
+def _settings_text(run: RunRecord, names: Sequence[str]) -> str:
     """The preset of each method; references have none, unless there is nothing else."""
-    own = [name for name in used if name in summary.index]
     methods: dict[str, list[str]] = {}
-    for name in [name for name in own if name not in run.references] or own:
-        settings, start, changed = used[name]
+    for name in [name for name in names if name not in run.references] or names:
+        settings, start, changed = run.used_settings(name)
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         warm = "on" if settings.warm_start.enabled else "off"
         text = f"preset {start}{f' with {changes}' if changes else ''}, warm start {warm}"

@@ -13,7 +13,8 @@ from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.evaluation.run_record import Session
+from mnsf_ros.evaluation.run_record import RunRecord, Session
+from mnsf_ros.evaluation.summary import groups_in
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.text_table import markdown_code, markdown_text
 
@@ -23,7 +24,8 @@ _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 _FIGURES: Final = {
     "time_ms": "time_ms",
     "latency_ms": "latency_ms",
-    **{name: f"consistency.{name}" for name in ("nearest_m", "zero_nearest_m", "cycle_m")},
+    "nearest_m": "consistency.nearest_m",
+    "zero_nearest_m": "consistency.zero_nearest_m",
 }
 _MOVERS: Final = {
     name: f"movers.{name}"
@@ -43,7 +45,10 @@ _FACTS: Final = {
     "machine": "machine",
     "git_commit": "git commit",
 }
-_NUMBER: Final = ".num_points"
+_ORIGIN: Final = (
+    *("seed", "preset", "changed_settings", "num_threads", "points_given", "ground"),
+    *("realtime_rate", "every", *_FACTS),
+)
 # Groups of points: a prefix in the summary, and its name in the file.
 _POINTS: Final = {
     "errors": "{}",
@@ -92,19 +97,15 @@ def results_csv(results: RunResults) -> str:
     the same on every line of a method; the scores of movers, which come last, are for all points.
     """
     lines = [
-        {
-            "recording": recording,
-            "method": plain_text(method),
-            **line,
-            **_origin(results, str(method)),
-        }
+        {"recording": recording, "method": plain_text(method)}
+        | line
+        | _origin(results.record, str(method))
         | {name: own.get(key) for name, key in _MOVERS.items()}
         for recording, summary in {"": results.summary, **results.by_recording}.items()
         for method, own in summary.iterrows()
         for line in _lines(own)
     ]
-    columns = ("recording", "method", "points", *_COUNTS, *_ERRORS, *_FIGURES)
-    names = [*columns, *_origin(results, results.focus), *_MOVERS]
+    names = ["recording", "method", "points", *_COUNTS, *_ERRORS, *_FIGURES, *_ORIGIN, *_MOVERS]
     # As objects: a missing value would turn the whole numbers of its column into others.
     table = pd.DataFrame(lines, columns=names, dtype=object)
     text: str = table.to_csv(index=False, lineterminator="\n")
@@ -115,43 +116,31 @@ def _lines(own: pd.Series) -> Iterator[dict[str, object]]:
     """A line for each group of points that a method was scored on; one without errors if none."""
     figures: dict[str, object] = {name: int(own[name]) for name in _COUNTS}
     figures |= {name: own.get(key) for name, key in _FIGURES.items()}
-    groups = {
-        f"{field}.{name}": words.format(name)
-        for field, words in _POINTS.items()
-        for name in _groups(own.dropna(), f"{field}.")
-    }
-    for group, points in groups.items():
-        errors = {name: own[f"{group}.{name}"] for name in _ERRORS}
-        yield {"points": points, **figures, **errors, "num_points": int(errors["num_points"])}
-    if not groups:
+    has_errors = False
+    for prefix, words in _POINTS.items():
+        for name in groups_in(own, prefix):
+            errors = {key: own[f"{prefix}.{name}.{key}"] for key in _ERRORS}
+            errors["num_points"] = int(errors["num_points"])
+            yield {"points": words.format(name), **figures, **errors}
+            has_errors = True
+    if not has_errors:
         yield {"points": "", **figures}
 
 
-def _groups(known: pd.Series, prefix: str) -> list[str]:
-    """Groups of points with a number of points in the summary, bins in ascending order."""
-    counts = [name for name in known.index if name.startswith(prefix)]
-    names = [n.removeprefix(prefix)[: -len(_NUMBER)] for n in counts if n.endswith(_NUMBER)]
-    return names if prefix == "errors." else sorted(names, key=float)
-
-
-def _origin(results: RunResults, method: str) -> dict[str, str]:
+def _origin(record: RunRecord, method: str) -> dict[str, str]:
     """Settings, versions and machine of a method; where sessions differ, all of them."""
-    options, sessions = results.record.options, results.record.sessions
-    _, name, changes = results.used_settings[method]
-    return {
-        "seed": str(options.seed),
-        "preset": name,
-        "changed_settings": "; ".join(f"{key} = {value}" for key, value in changes.items()),
-        "num_threads": str(options.settings.compute.num_threads),
-        "points_given": str(options.num_points or "all"),
-        "ground": options.ground,
-        "realtime_rate": str(options.realtime or ""),
-        "every": str(options.every),
-        **{
-            name: "; ".join(dict.fromkeys(one.get(fact, "") for one in sessions))
-            for name, fact in _FACTS.items()
-        },
-    }
+    options = record.options
+    _, preset, changes = record.used_settings(method)
+    values = (
+        *(options.seed, preset, "; ".join(f"{key} = {value}" for key, value in changes.items())),
+        *(options.settings.compute.num_threads, options.num_points or "all", options.ground),
+        *(options.realtime or "", options.every),
+        *(
+            "; ".join(dict.fromkeys(one.get(fact, "") for one in record.sessions))
+            for fact in _FACTS.values()
+        ),
+    )
+    return dict(zip(_ORIGIN, map(str, values), strict=True))
 
 
 def session_lines(session: Session) -> list[str]:

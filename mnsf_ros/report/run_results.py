@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,6 @@ from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.summary import row_table, summary_of
-from mnsf_ros.presets import UsedSettings
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
 from mnsf_ros.report.tables import further_tables, main_tables
 from mnsf_ros.report.text_table import TextTable
@@ -28,22 +27,26 @@ class RunResults:
         record: What was run.
         table: A line for each example and method, by recording and sweep, see
             `summary.row_table`.
-        used_settings: The settings of each method.
-        summary: Summary of all recordings together, a line for each method.
-        by_recording: Name of each recording to its own summary.
-        protocol: Sentences on the data and the options behind the figures.
-        notes: Limits of the figures.
+        finished: The tasks that are finished.
         focus: The method whose worst sweeps are shown; empty if there is none.
     """
 
     record: RunRecord
     table: pd.DataFrame
-    used_settings: dict[str, UsedSettings]
-    summary: pd.DataFrame
-    by_recording: dict[str, pd.DataFrame]
-    protocol: list[str]
-    notes: list[Note]
+    finished: Sequence[FinishedTask]
     focus: str
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Summary of all recordings together, a line for each method."""
+        return summary_of(self.table, self.record.method_names)
+
+    @cached_property
+    def by_recording(self) -> dict[str, pd.DataFrame]:
+        """Name of each recording to its own summary."""
+        names = [recording.name for recording in self.record.recordings]
+        parts = {name: self.table[self.table["recording"] == name] for name in names}
+        return {name: summary_of(part, self.record.method_names) for name, part in parts.items()}
 
     @cached_property
     def main_tables(self) -> list[TextTable]:
@@ -54,6 +57,16 @@ class RunResults:
     def further_tables(self) -> list[TextTable]:
         """Details; the last table has the numbers of examples."""
         return further_tables(self.summary)
+
+    @property
+    def protocol(self) -> list[str]:
+        """Sentences on the data and the options behind the figures."""
+        return protocol_text(self.record, self.summary)
+
+    @cached_property
+    def notes(self) -> list[Note]:
+        """Limits of the figures."""
+        return notes_of(self.record, self.finished, list(self.table["row"]))
 
     @property
     def worst(self) -> pd.DataFrame:
@@ -76,10 +89,10 @@ def read_results(folder: RunFolder, focus: str | None = None) -> RunResults:
         EvaluationError: There is no run, or its files are damaged, or it has no such method.
     """
     record, rows = folder.read_record(), folder.rows()
-    try:
-        return results_of(record, rows, folder.finished(rows).values(), focus)
-    except EvaluationError as error:
-        raise EvaluationError(f"{folder.path}: {error}") from error
+    if focus is not None and focus not in record.method_names:
+        known = ", ".join(record.method_names)
+        raise EvaluationError(f"{folder.path}: has no method {focus!r}; it has {known}")
+    return results_of(record, rows, folder.finished(rows).values(), focus)
 
 
 def results_of(
@@ -92,37 +105,11 @@ def results_of(
 
     The worst sweeps are those of the `focus`, else of the first method that is no reference, if one
     has a flow of the first of those.
-
-    Raises:
-        EvaluationError: The run has no such method.
     """
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
-    table, names = row_table(rows), record.method_names
-    summary = summary_of(table, names)
-    parts = {name: table[table["recording"] == name] for name in table["recording"].unique()}
-    parts = {one.name: table[:0] for one in record.recordings} | parts
-    focus = _focus(record, summary, focus)
-    used = {name: record.used_settings(name) for name in dict.fromkeys([*names, *summary.index])}
-    used[focus] = record.used_settings(focus)
-    return RunResults(
-        record=record,
-        table=table,
-        used_settings=used,
-        summary=summary,
-        by_recording={name: summary_of(part, names) for name, part in parts.items()},
-        protocol=protocol_text(record, summary, used),
-        notes=notes_of(record, list(finished), rows),
-        focus=focus,
-    )
-
-
-def _focus(record: RunRecord, summary: pd.DataFrame, wanted: str | None) -> str:
-    known = list(dict.fromkeys([*record.method_names, *summary.index]))
-    if wanted is not None:
-        if wanted not in known:
-            raise EvaluationError(f"has no method {wanted!r}; it has {', '.join(known) or 'none'}")
-        return wanted
-    found = [name for name in summary.index if summary.at[name, "num_examples"]]
-    rivals = [name for name in found if name not in record.references]
-    named = [name for name in known if name not in record.references]
-    return next(iter(rivals or named or found), "")
+    if focus is None:
+        names = record.method_names
+        rivals = [name for name in names if name not in record.references] or names
+        answered = {row.method for row in rows if row.failure is None}
+        focus = next((name for name in rivals if name in answered), next(iter(rivals), ""))
+    return RunResults(record, row_table(rows), list(finished), focus)

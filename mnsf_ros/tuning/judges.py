@@ -1,61 +1,49 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Halves of recordings, on which settings are chosen and judged, and their cost with true flow."""
+"""Cost of settings on one half of recordings: by true flow, or by where points land later."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.summary import summarize
+from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 METHOD: Final = "online"
 # Added for the share of examples without a flow, so that settings cannot win by failing.
 FAILURE_COST: Final = 1.0
 
-Estimate = tuple[Example, FlowEstimate | None]
+# For each recording, the examples of one half in order.
+Half = Sequence[Sequence[Example]]
+# Examples of a recording and settings, to the estimates; None where one fails.
+Estimates = Callable[[Sequence[Example], Settings], Iterator[FlowEstimate | None]]
 
 
-@dataclass(frozen=True, eq=False)
-class Half:
-    """One half of each recording.
-
-    Attributes:
-        stretches: For each recording, its examples in order.
-    """
-
-    stretches: tuple[tuple[Example, ...], ...]
-
-    @property
-    def num_examples(self) -> int:
-        """Number of examples in all."""
-        return sum(map(len, self.stretches))
-
-    def estimated(self, settings: Settings) -> Iterator[Iterator[Estimate]]:
-        """Yields, for each recording, its examples with their estimates; None where it fails."""
-        return (_estimated(stretch, settings) for stretch in self.stretches)
-
-
-def _estimated(stretch: Sequence[Example], settings: Settings) -> Iterator[Estimate]:
+def estimates(examples: Sequence[Example], settings: Settings) -> Iterator[FlowEstimate | None]:
+    """Yields the estimates of consecutive examples; None where one fails."""
     stream = Stream(settings, METHOD)
-    for example in stretch:
+    for example in examples:
         try:
-            yield example, stream.flow_of(example.triplet)
+            yield stream.flow_of(example.triplet)
         except MnsfError:
-            yield example, None
+            yield None
 
 
 def read_halves(
@@ -71,8 +59,8 @@ def read_halves(
         MnsfError: A recording cannot be read.
     """
     pairs = [_halves_of(recording, options, max_examples) for recording in recordings]
-    first, second = (Half(tuple(stretches)) for stretches in zip(*pairs, strict=True))
-    if not (first.num_examples and second.num_examples):
+    first, second = zip(*pairs, strict=True)
+    if not (any(first) and any(second)):
         names = ", ".join(recording.name for recording in recordings)
         raise EvaluationError(
             f"{names}: too short to tune on one half and judge on the other; each half needs "
@@ -83,7 +71,7 @@ def read_halves(
 
 def _halves_of(
     recording: EvaluatedRecording, options: EvaluationOptions, max_examples: int
-) -> tuple[tuple[Example, ...], tuple[Example, ...]]:
+) -> tuple[list[Example], list[Example]]:
     middle = recording.num_sweeps // 2
     first: list[Example] = []
     second: list[Example] = []
@@ -96,7 +84,7 @@ def _halves_of(
                 second.append(example)
                 if len(second) == max_examples:
                     break
-    return tuple(first), tuple(second)
+    return first, second
 
 
 class LabelledJudge:
@@ -111,16 +99,137 @@ class LabelledJudge:
         """Estimates and scores all examples; returns the cost, lower is better."""
         summary = self.summary(settings)
         epe_m = float(summary.get("three_way.mean", math.nan))
-        failed = float(summary["num_failed"]) / self._half.num_examples
+        failed = float(summary["num_failed"]) / sum(map(len, self._half))
         return math.inf if math.isnan(epe_m) else epe_m + FAILURE_COST * failed
 
     def summary(self, settings: Settings) -> pd.Series:
         """Returns the summary that `mnsf evaluate` would give of these examples alone."""
-        rows = [_row(*pair) for stretch in self._half.estimated(settings) for pair in stretch]
+        rows = [
+            failed_row(example, METHOD, "no flow")
+            if estimate is None
+            else scored_row(example, METHOD, estimate, estimate.time_ms)
+            for examples in self._half
+            for example, estimate in zip(examples, estimates(examples, settings), strict=True)
+        ]
         return summarize(rows).loc[METHOD]
 
 
-def _row(example: Example, estimate: FlowEstimate | None) -> ResultRow:
-    if estimate is None:
-        return failed_row(example, METHOD, "no flow")
-    return scored_row(example, METHOD, estimate, estimate.time_ms)
+_LATER_S: Final = (0.2, 0.45)
+_WANTED_S: Final = 0.3
+_MAX_POINTS: Final = 4000
+# Upper limit of landing errors.
+_LIMIT_M: Final = 0.5
+# Distance of a static point to the nearest point of a later sweep: noise, plus a share of the range
+# for the spacing of the beams.
+_NOISE_M: Final = 0.1
+_SPACING: Final = 0.01
+
+
+class ConsistencyJudge:
+    """Judges settings without labels: do points land on a surface of a sweep about 0.3 s later?
+
+    Points are moved on by their motion over ground, at constant velocity, into a sweep that the
+    estimate has not seen. If the motion is right, a point of that sweep is near: a mover that is
+    called static is left behind, a static object that is called dynamic lands in free space. The
+    few points that a static world does not explain, by the settings to start from, weigh as much as
+    all others together. So neither "everything is static" nor "everything is dynamic" wins.
+    """
+
+    goal: Final = "landing error 0.3 s later (m)"
+
+    def __init__(
+        self, half: Half, settings: Settings, seed: int = 0, estimates_of: Estimates = estimates
+    ) -> None:
+        """Chooses the points that a static world does not explain, with these settings."""
+        self._half, self.estimates_of = half, estimates_of
+        self._landings = [list(_landings(examples, seed)) for examples in half]
+        static = self._errors(settings, are_static=True)
+        ranges = [np.linalg.norm(one.xyz[:, :2], axis=1) for part in self._landings for one in part]
+        limits = _NOISE_M + _SPACING * np.concatenate([*ranges, np.zeros(0)])
+        self._is_open = static > limits
+
+    def __call__(self, settings: Settings) -> float:
+        """Returns the mean landing error of both kinds of points, metres, after all estimates."""
+        errors = self._errors(settings)
+        kinds = (errors[self._is_open], errors[~self._is_open])
+        return sum(float(part.mean()) if len(part) else 0.0 for part in kinds) / len(kinds)
+
+    def _errors(self, settings: Settings, *, are_static: bool = False) -> NDArray[np.float64]:
+        parts: list[NDArray[np.float64]] = [np.zeros(0)]
+        for examples, landings in zip(self._half, self._landings, strict=True):
+            flows = self.estimates_of(examples, settings)
+            known = [flow.over_ground if flow else None for flow in flows]
+            parts.extend(landing.errors(known, are_static=are_static) for landing in landings)
+        return np.concatenate(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Landing:
+    """Chosen points of an example, and the later sweep on which they should land.
+
+    Attributes:
+        place: Number of the example in its half.
+        later: Number of the later example.
+        num_intervals: Time between them, in intervals to the next sweep.
+        rows: (M,) the chosen points of the current sweep.
+        xyz: (M, 3) metres, sensor frame.
+        tree: Points of the later sweep, its sensor frame.
+    """
+
+    place: int
+    later: int
+    num_intervals: float
+    rows: NDArray[np.int64]
+    xyz: NDArray[np.float64]
+    tree: cKDTree
+
+    def errors(
+        self, known: Sequence[OverGround | None], *, are_static: bool
+    ) -> NDArray[np.float64]:
+        """(M,) landing errors, metres; `known` has one entry for each example of the half."""
+        now, then = known[self.place], known[self.later]
+        if now is None or then is None:
+            return np.full(len(self.rows), _LIMIT_M)
+        xyz = self.xyz
+        if not are_static:
+            xyz = xyz + now.motion[self.rows].astype(np.float64) * self.num_intervals
+        landed = apply(np.linalg.inv(then.world_from_sensor) @ now.world_from_sensor, xyz)
+        distances, _ = self.tree.query(landed, distance_upper_bound=_LIMIT_M)
+        limited: NDArray[np.float64] = np.minimum(distances, _LIMIT_M)
+        return limited
+
+
+def _landings(examples: Sequence[Example], seed: int) -> Iterator[_Landing]:
+    for place, example in enumerate(examples):
+        later = _later(examples, place)
+        if later is None or not len(examples[later].triplet.current.kept_xyz):
+            continue
+        current, interval_s = example.triplet.current, example.triplet.interval_s
+        rows = np.flatnonzero(example.scored)
+        if len(rows) > _MAX_POINTS:
+            random = np.random.default_rng([seed, current.stamp_ns])
+            rows = random.choice(rows, _MAX_POINTS, replace=False)
+        seconds = _seconds_between(example, examples[later])
+        yield _Landing(
+            place,
+            later,
+            seconds / (interval_s or USUAL_INTERVAL_S),
+            rows,
+            current.xyz[rows].astype(np.float64),
+            cKDTree(examples[later].triplet.current.kept_xyz),
+        )
+
+
+def _later(examples: Sequence[Example], place: int) -> int | None:
+    """The example about 0.3 s later, if no sweep is missing in between."""
+    first, apart_s = examples[place], dict[int, float]()
+    for later, other in enumerate(examples[place + 1 :], place + 1):
+        seconds = _seconds_between(first, other)
+        has_gap = other.number - first.number != later - place
+        if not has_gap and _LATER_S[0] <= seconds <= _LATER_S[1]:
+            apart_s[later] = abs(seconds - _WANTED_S)
+    return min(apart_s, key=lambda later: apart_s[later], default=None)
+
+
+def _seconds_between(first: Example, later: Example) -> float:
+    return (later.triplet.current.stamp_ns - first.triplet.current.stamp_ns) / NANOSECONDS

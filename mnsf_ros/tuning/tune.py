@@ -19,12 +19,12 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.setting import Setting, SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.settings_documents import settings_yaml
-from mnsf_ros.tuning.judges import LabelledJudge, read_halves
-from mnsf_ros.tuning.self_consistency import ConsistencyJudge
+from mnsf_ros.tuning.judges import ConsistencyJudge, LabelledJudge, read_halves
 
 if TYPE_CHECKING:
     import optuna
 
+AUTO: Final = "auto"
 EPE: Final = "epe"
 CONSISTENCY: Final = "consistency"
 # A change that saves less than this share of the cost is taken back.
@@ -51,9 +51,9 @@ class TuneOptions:
     """
 
     goal: str = declared(
-        "auto",
+        AUTO,
         "what to improve, see below; auto: epe with true flow",
-        choices=("auto", EPE, CONSISTENCY),
+        choices=(AUTO, EPE, CONSISTENCY),
     )
     trials: int = declared(60, "number of trials in all", 1, 100_000)
     parameters: str = declared(
@@ -95,25 +95,22 @@ class Outcome:
     held_out: tuple[float, float]
 
     @property
-    def changes(self) -> list[str]:
-        """One line for each changed parameter, with the values before and after."""
-        items = self.changed.items()
-        return [f"{name}: {self.start.value_of(name)} -> {value}" for name, value in items]
-
-    @property
-    def verdict(self) -> str:
-        """One line on whether the changes help."""
+    def lines(self) -> list[str]:
+        """A line for each changed parameter, and one on whether the changes help."""
         if not self.changed:
-            return (
+            return [
                 f"No change of a parameter gains anything in {self.num_trials} trials: keep the "
                 "settings as they are; no parameter file is written."
-            )
-        words = f"{self.goal} of the tuned half: {self.tuned[0]:.4f} -> {self.tuned[1]:.4f}"
+            ]
         before, after = self.held_out
-        words += f"; of the half that was not tuned: {before:.4f} -> {after:.4f}"
-        if after >= before:
-            return f"{words}. Not better: keep the settings as they are."
-        return f"{words}, {1 - after / before:.1%} less."
+        verdict = (
+            f"{self.goal} of the tuned half: {self.tuned[0]:.4f} -> {self.tuned[1]:.4f}; of the "
+            f"half that was not tuned: {before:.4f} -> {after:.4f}"
+        )
+        better = f", {1 - after / before:.1%} less."
+        verdict += better if after < before else ". Not better: keep the settings as they are."
+        names = self.changed.items()
+        return [*(f"{n}: {self.start.value_of(n)} -> {value}" for n, value in names), verdict]
 
     def write_parameters(self, folder: Path, command: str) -> Path | None:
         """Writes the parameter file, if anything changes, and returns its path.
@@ -125,7 +122,7 @@ class Outcome:
         if not self.changed:  # and none of an earlier search
             path.unlink(missing_ok=True)
             return None
-        title = f"Written by `{command}`. {self.verdict}"
+        title = f"Written by `{command}`. {self.lines[-1]}"
         text = settings_yaml(self.start.changed(self.changed), title, self.changed)
         path.write_text(text, encoding="utf-8")
         return path
@@ -180,14 +177,13 @@ def tune(
 
 def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
     unlabelled = [one.name for one in recordings if one.truth is None]
-    if wanted not in (EPE, CONSISTENCY):
-        return CONSISTENCY if unlabelled else EPE
-    if unlabelled and wanted == EPE:
+    if wanted == EPE and unlabelled:
         raise EvaluationError(
-            f"--goal {wanted} needs true flow, which {', '.join(unlabelled)} has not; use --goal "
+            f"--goal {EPE} needs true flow, which {', '.join(unlabelled)} has not; use --goal "
             f"{CONSISTENCY}"
         )
-    return wanted
+    by_truth = CONSISTENCY if unlabelled else EPE
+    return by_truth if wanted == AUTO else wanted
 
 
 def _worthwhile(

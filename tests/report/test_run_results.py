@@ -102,7 +102,7 @@ def test_csv_has_the_settings_and_the_machine_of_all_sessions_on_every_line():
 def test_columns_of_csv_keep_their_places():
     assert results_csv(results_of(run_record(), rows())).splitlines()[0] == (
         "recording,method,points,num_examples,num_failed,num_dropped,epe_m,acc5,acc10,outliers,"
-        "angle_error_rad,num_points,time_ms,latency_ms,nearest_m,zero_nearest_m,cycle_m,seed,"
+        "angle_error_rad,num_points,time_ms,latency_ms,nearest_m,zero_nearest_m,seed,"
         "preset,changed_settings,num_threads,points_given,ground,realtime_rate,every,"
         "mnsf_ros_version,torch_version,machine,git_commit,precision,recall,iou,ghosts_per_sweep,"
         "ghost_sweeps,velocity_error_m_s,direction_error_deg,after_stop_s,fast_found,fast_flicker,"

@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -14,9 +11,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.presets import preset
-from mnsf_ros.settings import Settings
-from mnsf_ros.tuning.judges import Half, read_halves
-from mnsf_ros.tuning.self_consistency import ConsistencyJudge
+from mnsf_ros.tuning.judges import ConsistencyJudge, read_halves
 
 SETTINGS = preset("online")
 
@@ -39,21 +34,15 @@ WRONG = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Told(Half):
-    """A half whose estimates are made of the truth."""
+def told(velocity_of):
+    """Estimates made of the truth."""
 
-    velocity_of: Callable = WRONG["everything static"]
-
-    def estimated(self, _: Settings) -> Iterator:
-        return (map(self.estimate, stretch) for stretch in self.stretches)
-
-    def estimate(self, example):
+    def estimate(example):
         current = example.triplet.current
         known, _ = true_motion(example, example.truth, np.flatnonzero(example.truth.valid))
         velocity = np.zeros(current.xyz.shape)
         velocity[example.truth.valid] = np.where(known.dynamic[:, None], known.velocity, 0)
-        motion = np.float32(self.velocity_of(velocity, current.xyz) * known.interval_s)
+        motion = np.float32(velocity_of(velocity, current.xyz) * known.interval_s)
         over_ground = OverGround(
             motion=motion,
             dynamic=np.any(motion != 0, axis=1),
@@ -62,29 +51,25 @@ class Told(Half):
             next_from_current=np.eye(4),
             source="odometry",
         )
-        return example, FlowEstimate(motion, np.ones(len(motion), bool), over_ground=over_ground)
+        return FlowEstimate(motion, np.ones(len(motion), bool), over_ground=over_ground)
+
+    return lambda examples, _: map(estimate, examples)
 
 
-class Failing(Told):
-    """A method that gives up."""
-
-    def estimate(self, example):
-        return example, None
-
-
-def judged(half, velocity_of, kind=Told):
-    judge = ConsistencyJudge(Told(half.stretches), SETTINGS)
-    judge.half = kind(half.stretches, velocity_of)
+def judged(half, estimates_of):
+    """The cost of some estimates, of points that a static world does not explain."""
+    judge = ConsistencyJudge(half, SETTINGS, estimates_of=told(WRONG["everything static"]))
+    judge.estimates_of = estimates_of
     return judge(SETTINGS)
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_truth_costs_least(half, wrong):
-    assert judged(half, the_truth) < 0.95 * judged(half, WRONG[wrong])
+    assert judged(half, told(the_truth)) < 0.95 * judged(half, told(WRONG[wrong]))
 
 
 def test_giving_up_costs_most(half):
-    assert judged(half, the_truth, Failing) == pytest.approx(0.5)
+    assert judged(half, lambda examples, _: [None] * len(examples)) == pytest.approx(0.5)
 
 
 def test_online_is_between_truth_and_nothing(half):
@@ -94,6 +79,6 @@ def test_online_is_between_truth_and_nothing(half):
 
 
 def test_sweeps_that_are_missing_are_not_jumped_over(half):
-    (stretch,) = half.stretches
-    judge = ConsistencyJudge(Half(((stretch[0], stretch[-1]),)), SETTINGS)
+    (examples,) = half
+    judge = ConsistencyJudge([(examples[0], examples[-1])], SETTINGS)
     assert judge(SETTINGS) == 0

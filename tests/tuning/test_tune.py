@@ -35,7 +35,7 @@ def halves(recording):
 
 
 def numbers(half):
-    return [example.number for example in half.stretches[0]]
+    return [example.number for example in half[0]]
 
 
 def test_no_sweep_is_in_both_halves(halves, recording):
