@@ -104,7 +104,9 @@ def test_of_the_command_line_while_it_ends() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs ROS")
-@pytest.mark.parametrize("module", ["signal", "mnsf_ros.node.main", "mnsf_ros.errors", "rclpy"])
+@pytest.mark.parametrize(
+    "module", ["signal", "mnsf_ros.node.environment", "mnsf_ros.errors", "rclpy"]
+)
 def test_of_the_node_while_it_starts(module: str) -> None:
     ended = interrupted("mnsf_ros.node.__main__", module)
     assert (ended.returncode, ended.stderr) == (0, "")

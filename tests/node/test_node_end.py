@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from synthetic_clouds import Drive, xyz_message
 
-from mnsf_ros.node.main import spin
+from mnsf_ros.node.__main__ import spin
 
 # Settings, signals, and the seconds between them.
 _ENDS = {
