@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import LibraryError, SettingsError
@@ -76,33 +77,10 @@ def _computes_in_bfloat16(settings: ComputeSettings) -> bool:
 
 
 def on_device(array: NDArray[Any], device: torch.device) -> torch.Tensor:
-    """Returns a copy of an array on a device, by a transfer that the host does not wait for.
-
-    On the CPU the tensor shares its memory with the array if that can be written.
-    """
+    """Returns an array on a device; on the CPU it shares the memory if that can be written."""
     import torch
 
-    if device.type == "cpu":
-        return torch.from_numpy(array) if array.flags.writeable else torch.tensor(array)
-    return torch.tensor(array).pin_memory().to(device, non_blocking=True)
-
-
-def copy_to(place: torch.Tensor, values: torch.Tensor) -> None:
-    """Copies values of the host to a place on any device, without waiting until they are there."""
-    place.copy_(values.pin_memory() if place.is_cuda else values, non_blocking=True)
-
-
-def on_host(tensor: torch.Tensor) -> NDArray[Any]:
-    """Returns the values of a tensor, without gradient, as an array."""
-    import torch
-
-    if tensor.is_cuda:
-        pinned = torch.empty(tensor.shape, dtype=tensor.dtype, pin_memory=True)
-        pinned.copy_(tensor, non_blocking=True)
-        torch.cuda.current_stream(tensor.device).synchronize()
-        tensor = pinned
-    array: NDArray[Any] = tensor.numpy()
-    return array
+    return torch.from_numpy(np.require(array, requirements="W")).to(device)
 
 
 def limit_threads(settings: ComputeSettings) -> None:

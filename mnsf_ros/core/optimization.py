@@ -17,7 +17,6 @@ from functools import cache
 import torch
 from torch import nn
 
-from mnsf_ros.core.compute_device import copy_to
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason, check_cancelled
 from mnsf_ros.errors import OptimizationError
 
@@ -116,7 +115,6 @@ def _take_steps(fit: _Fit, schedule: Schedule) -> None:
     at_once = _STEPS_AT_ONCE[fit.device.type]
     while fit.num_steps < schedule.max_iterations:
         number = min(at_once, schedule.max_iterations - fit.num_steps)
-        fit.load_rates(number)
         for _ in range(number):
             check_cancelled(schedule.cancelled)
             if fit.num_steps and time.monotonic() > schedule.deadline:
@@ -157,7 +155,8 @@ class _Fit:
         self.is_late = False
         # Adam on CUDA reads its step size as float32.
         precision = torch.float32 if device.type == "cuda" else torch.float64
-        self._rates = torch.zeros(_STEPS_AT_ONCE[device.type], device=device, dtype=precision)
+        rates = [schedule.learning_rate_at(number) for number in range(schedule.max_iterations)]
+        self._rates = torch.tensor(rates, device=device, dtype=precision)
         self._turn = torch.zeros(1, dtype=torch.int64, device=device)
         self._rate = torch.zeros((), device=device, dtype=precision)
         self._loss = torch.full((), math.nan, device=device).double()
@@ -174,12 +173,6 @@ class _Fit:
         is_long = self._schedule.max_iterations > 2 * _UNRECORDED_STEPS
         is_on_cuda = self.device.type == "cuda"
         return is_on_cuda and is_first and is_long and self._schedule.records_steps
-
-    def load_rates(self, number: int) -> None:
-        """Puts the sizes of the next steps where `step` finds them."""
-        rates = [self._schedule.learning_rate_at(self.num_steps + k) for k in range(number)]
-        copy_to(self._rates[:number], torch.tensor(rates, dtype=self._rates.dtype))
-        self._turn.zero_()
 
     def step(self) -> None:
         """Computes the loss and takes one step. Only the device knows the value."""

@@ -51,10 +51,7 @@ class TargetDistance:
         if settings.kind == "grid":
             box = GridBox.around(points, settings.cell_size_m)
             if box.num_cells <= settings.max_cells:
-                reach_m = settings.truncation_m or math.inf
-                return cls(
-                    DistanceTransform.from_points(points, box, reach_m), settings.truncation_m
-                )
+                return cls(DistanceTransform.from_points(points, box), settings.truncation_m)
         return cls(NearestNeighborDistance(points), settings.truncation_m)
 
     @property
@@ -150,18 +147,13 @@ class DistanceTransform:
         self._high = self._low + steps * box.cell_size_m
 
     @classmethod
-    def from_points(
-        cls, points: torch.Tensor, box: GridBox, reach_m: float = math.inf
-    ) -> DistanceTransform:
-        """Builds the transform, on CUDA if its reach is limited, else with torch's threads.
+    def from_points(cls, points: torch.Tensor, box: GridBox) -> DistanceTransform:
+        """Builds the transform with torch's threads.
 
         Args:
             points: (N, 3) float32, metres, inside the box. Its device holds the result.
             box: The grid.
-            reach_m: Distances above this may have any value above it.
         """
-        if points.is_cuda and reach_m < math.inf:
-            return cls(distances_within(points, box, reach_m), box)
         origin = np.array(box.origin)
         nodes = np.rint((points.cpu().numpy() - origin) / box.cell_size_m).astype(np.int64)
         is_free = np.ones(box.shape, dtype=np.uint8)
@@ -194,33 +186,3 @@ class DistanceTransform:
         ).view(-1)
         beyond: torch.Tensor = torch.linalg.vector_norm(positions - inside, dim=1)
         return looked_up + beyond
-
-
-def distances_within(points: torch.Tensor, box: GridBox, reach_m: float) -> torch.Tensor:
-    """Returns the distance of each node (nx, ny, nz) to the points, metres, on their device.
-
-    It is exact up to two cells above the reach, so that values interpolated below the reach equal
-    those of the whole transform; beyond, it is a value above the reach. Along each axis the
-    parabola of squared distances is an erosion by 1, by 3, by 5 ... per cell.
-    """
-    radius = math.ceil(reach_m / box.cell_size_m) + 2
-    far = (radius + 1) ** 2
-    # The largest sum is that of far and of an odd number; half the memory is half the time.
-    dtype = torch.int16 if far + 2 * radius <= torch.iinfo(torch.int16).max else torch.int32
-    squares = torch.full(box.shape, far, dtype=dtype, device=points.device)
-    origin = torch.tensor(box.origin, dtype=torch.float64, device=points.device)
-    nodes = torch.round((points.double() - origin) / box.cell_size_m).long()
-    squares[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
-    for axis, number in enumerate(box.shape):
-        for step in range(1, min(radius, number - 1) + 1):
-            _erode(squares, axis, 2 * step - 1)
-    return squares.float().sqrt_().mul_(box.cell_size_m)
-
-
-def _erode(squares: torch.Tensor, axis: int, rise: int) -> None:
-    """Lowers each node to those beside it plus the rise, in place."""
-    last = squares.shape[axis] - 1
-    lower, upper = squares.narrow(axis, 0, last), squares.narrow(axis, 1, last)
-    upper_before = upper.clone()
-    torch.minimum(upper, lower + rise, out=upper)
-    torch.minimum(lower, upper_before + rise, out=lower)

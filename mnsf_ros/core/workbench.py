@@ -7,23 +7,81 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from functools import cached_property
 from typing import Final
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
-from mnsf_ros.core.compute_device import compute_device
+from mnsf_ros.core.compute_device import compute_device, layer_precision, on_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
-from mnsf_ros.core.networks import Perceptron, evaluate
+from mnsf_ros.core.networks import Perceptron, evaluate, fusion_network
 from mnsf_ros.core.optimization import LossOf, Schedule, minimize
-from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.kept_points import fit_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # Share of the time budget for the fields; the rest is for the fusion.
 _FIELDS_DONE: Final = 0.8
+
+
+class PreparedSweep:
+    """A prepared sweep. Built once, used as next, current and previous.
+
+    Attributes:
+        kept: (N,) bool, the points that fields are fitted to, see `fit_mask`.
+        points: (M, 3) float32 on the device, metres, the kept points.
+    """
+
+    def __init__(self, sweep: Sweep, settings: Settings) -> None:
+        """Chooses the points.
+
+        Raises:
+            SweepError: If too few points are left.
+        """
+        self._is_chosen = sweep.kept is not None
+        self.kept = fit_mask(sweep, settings)
+        self._xyz = sweep.xyz
+        self._settings = settings.distance
+        self.points = on_device(sweep.xyz[self.kept], compute_device(settings.compute))
+
+    @cached_property
+    def positions(self) -> torch.Tensor:
+        """(P, 3) positions at which fields are evaluated: all points, or the kept ones if chosen.
+
+        Networks do not extrapolate, so a cropped point takes the flow of the nearest place in the
+        box around the kept points.
+        """
+        if self._is_chosen:
+            return self.points
+        low, high = self.points.min(dim=0).values, self.points.max(dim=0).values
+        all_points = on_device(self._xyz, self.points.device)
+        return torch.minimum(torch.maximum(all_points, low), high)
+
+    @property
+    def kept_positions(self) -> torch.Tensor:
+        """(M,) indices of the kept points among `positions`, on the CPU."""
+        if self._is_chosen:
+            return torch.arange(len(self.points))
+        return torch.from_numpy(self.kept).nonzero().view(-1)
+
+    def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
+        """Returns the flow (P, 3) at `positions` for all points (N, 3), NaN for others."""
+        if not self._is_chosen:
+            return flow.cpu().numpy()
+        whole = np.full(self._xyz.shape, np.nan, dtype=np.float32)
+        whole[self.kept] = flow.cpu().numpy()
+        return whole
+
+    @cached_property
+    def distance(self) -> TargetDistance:
+        """D(p, S) with this sweep as the target S."""
+        return TargetDistance.to_points(self.points, self._settings)
 
 
 class Workbench:
@@ -50,7 +108,7 @@ class Workbench:
         self,
         triplet: SweepTriplet,
         settings: Settings,
-        preparation: SweepPreparation,
+        prepared: dict[Sweep, PreparedSweep],
         num_before: int = 0,
         cancelled: Callable[[], bool] = never,
     ) -> None:
@@ -59,7 +117,7 @@ class Workbench:
         Args:
             triplet: At least a current and a next sweep.
             settings: All settings.
-            preparation: Keeps prepared sweeps from triplet to triplet.
+            prepared: Prepared sweeps of the last triplet; those of this one take their place.
             num_before: Number of sweeps before the current one.
             cancelled: Asked before each step of a fit.
 
@@ -78,10 +136,25 @@ class Workbench:
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
         with self.stage("prepare"):
             sweeps = (triplet.current, triplet.next, *_sweeps_before(triplet, num_before))
-            self.current, self.next, *self.before = preparation.prepare(*sweeps)
+            ready = [prepared.get(sweep) or PreparedSweep(sweep, settings) for sweep in sweeps]
+            prepared.clear()
+            prepared.update(zip(sweeps, ready, strict=True))
+            self.current, self.next, *self.before = ready
             self._indices_to_fit = self._sampled(self.current.kept_positions).to(device)
             self.points = self.current.positions[self._indices_to_fit]
         self._started_s = time.monotonic()
+
+    def fresh_field(self, num_inputs: int = 3) -> Perceptron:
+        """A fresh field of the paper, (M, num_inputs) to (M, 3) metres."""
+        precision = layer_precision(self.settings.compute)
+        field = Perceptron(self.settings.field, self.generator, num_inputs, precision)
+        return field.to(self.device)
+
+    def fresh_fusion(self, num_flows: int = 2) -> nn.Module:
+        """A fresh fusion of so many flows, of the kind in the settings."""
+        precision = layer_precision(self.settings.compute)
+        fusion = fusion_network(self.settings.fusion, self.generator, num_flows, precision)
+        return fusion.to(self.device)
 
     def field_schedules(self, number: int) -> tuple[Schedule, ...]:
         """Schedules of fields that are fitted one after the other, before the fusion."""

@@ -15,12 +15,9 @@ from functools import partial
 import torch
 from torch import nn
 
-from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.networks import Perceptron, fusion_network, invert_motion
+from mnsf_ros.core.networks import Perceptron, invert_motion
 from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule
-from mnsf_ros.core.prepared_sweep import PreparedSweep
-from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.methods.fields import fresh_field
+from mnsf_ros.core.workbench import PreparedSweep, Workbench
 
 
 def mnsf(bench: Workbench, num_fields: int = 2) -> torch.Tensor:
@@ -51,18 +48,12 @@ class Networks:
     @classmethod
     def fresh(cls, bench: Workbench, num_fields: int) -> Networks:
         """Networks with random weights; fields that are fitted jointly have the same."""
-        settings, precision = bench.settings, layer_precision(bench.settings.compute)
-
-        def field() -> Perceptron:
-            return Perceptron(settings.field, bench.generator, precision=precision).to(bench.device)
-
-        if settings.optimization.joint:
-            first = field()
+        if bench.settings.optimization.joint:
+            first = bench.fresh_field()
             fields = (first, *(copy.deepcopy(first) for _ in range(num_fields - 1)))
         else:
-            fields = tuple(field() for _ in range(num_fields))
-        fusion = fusion_network(settings.fusion, bench.generator, num_fields, precision)
-        return cls(fields, fusion.to(bench.device))
+            fields = tuple(bench.fresh_field() for _ in range(num_fields))
+        return cls(fields, bench.fresh_fusion(num_fields))
 
 
 def fitted_mnsf(bench: Workbench, num_fields: int = 2) -> tuple[torch.Tensor, Networks]:
@@ -139,9 +130,7 @@ def mnsf_cycle(bench: Workbench) -> torch.Tensor:
     forward_flow = _cycle_flow("forward", bench, bench.next, first)
     backward_flow = _cycle_flow("backward", bench, previous, second)
     inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
-    precision = layer_precision(bench.settings.compute)
-    fusion = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
-    return bench.fused_flow(fusion.to(bench.device), [forward_flow, inverted_flow])
+    return bench.fused_flow(bench.fresh_fusion(), [forward_flow, inverted_flow])
 
 
 def _cycle_flow(
@@ -152,7 +141,7 @@ def _cycle_flow(
     The inverse field h must bring the moved points back.
     """
     weight = bench.settings.mnsf_cycle.weight
-    there, back = (fresh_field(bench) for _ in range(2))
+    there, back = (bench.fresh_field() for _ in range(2))
 
     def loss_of() -> torch.Tensor:
         points = bench.points

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
-from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.core.workbench import Workbench
+from mnsf_ros.core.workbench import PreparedSweep, Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.settings import Settings
@@ -74,7 +73,7 @@ class NetworkEstimator:
             max_gap_s=settings.ego_motion.max_gap_s if is_removed else math.inf,
         )
         compute_device(settings.compute)
-        self._preparation = SweepPreparation(settings)
+        self._prepared: dict[Sweep, PreparedSweep] = {}
         self._poses = SensorPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> NetworkEstimator:
@@ -85,7 +84,7 @@ class NetworkEstimator:
         """
         other, old = NetworkEstimator(settings, self._method), self.settings
         if _preparing(settings) == _preparing(old):
-            other._preparation = self._preparation
+            other._prepared = self._prepared
         if settings.ego_motion == old.ego_motion:
             other._poses = self._poses
         return other
@@ -124,7 +123,7 @@ class NetworkEstimator:
         """The flow in the coordinates of the sweeps as they are."""
         is_pair = triplet.previous is None and not self._method.needs_previous
         num_before = 0 if is_pair else self._method.num_sweeps - 2
-        bench = Workbench(triplet, self.settings, self._preparation, num_before, cancelled)
+        bench = Workbench(triplet, self.settings, self._prepared, num_before, cancelled)
         return bench.finish(self._method.flow_of(bench), self._method.distance_kind)
 
 

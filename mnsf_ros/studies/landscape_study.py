@@ -21,7 +21,6 @@ from torch import nn
 from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
 from mnsf_ros.core.networks import invert_motion
-from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.charts import height_maps
 from mnsf_ros.errors import SettingsError
@@ -164,7 +163,7 @@ def losses_along(
 def _fitted(triplet: SweepTriplet, settings: Settings) -> tuple[Workbench, Networks]:
     settings = settings.changed({"fusion.inversion": True, "fusion.kind": "mlp"})
     limit_threads(settings.compute)
-    bench = Workbench(triplet, settings, SweepPreparation(settings), num_before=1)
+    bench = Workbench(triplet, settings, {}, num_before=1)
     return bench, fitted_mnsf(bench)[1]
 
 

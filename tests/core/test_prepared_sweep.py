@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import torch
 
-from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
+from mnsf_ros.core.workbench import PreparedSweep, Workbench
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 ON_CPU = Settings().changed({"compute.device": "cpu"})
 NO_GROUND = ON_CPU.changed({"ground.remove": False})
@@ -81,10 +81,14 @@ def sweeps():
 
 
 def test_sweep_is_prepared_once_as_the_triplet_moves_on(sweeps):
-    preparation = SweepPreparation(NO_GROUND)
-    first, current, newest = preparation.prepare(*sweeps[0:3])
-    distance = newest.distance
-    assert preparation.prepare(*sweeps[1:4])[:2] == [current, newest]
-    assert preparation.prepare(*sweeps[2:5])[0].distance is distance
+    prepared = {}
+
+    def bench(number):
+        triplet = SweepTriplet(*sweeps[number : number + 3])
+        return Workbench(triplet, NO_GROUND, prepared, num_before=1)
+
+    first = bench(0)
+    second = bench(1)
+    assert (second.before, second.current) == ([first.current], first.next)
     # A sweep that left the triplet is forgotten.
-    assert preparation.prepare(sweeps[0])[0] is not first
+    assert set(prepared) == set(sweeps[1:4])

@@ -13,7 +13,6 @@ from mnsf_ros.core.target_distance import (
     GridBox,
     NearestNeighborDistance,
     TargetDistance,
-    distances_within,
 )
 from mnsf_ros.settings import Settings
 
@@ -90,22 +89,6 @@ def test_outside_it_is_not_too_small_and_pulls_back(points, generator, beyond):
         step = torch.minimum(gap, gap.new_tensor(0.5))
         closer = positions - pull / pull.norm(dim=1, keepdim=True) * step
         assert (distances(closer) < distances(positions)).all()
-
-
-@pytest.mark.parametrize("reach_m", [0.3, 1.0, 40.0])
-@pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
-def test_transform_on_the_device_is_exact_within_its_reach(points, cell_size_m, reach_m):
-    box = GridBox.around(points, cell_size_m)
-    whole = DistanceTransform.from_points(points, box)
-    near = DistanceTransform(distances_within(points, box, reach_m), box)
-    is_near = whole.distances <= reach_m + 2 * cell_size_m
-    torch.testing.assert_close(near.distances[is_near], whole.distances[is_near])
-    assert (near.distances[~is_near] > reach_m).all()
-    positions = points + torch.rand_like(points)
-    limit = torch.tensor(reach_m, device=points.device)
-    torch.testing.assert_close(
-        near(positions).minimum(limit), whole(positions).minimum(limit), atol=1e-5, rtol=0
-    )
 
 
 def test_search_is_the_same_as_brute_force(points, generator):

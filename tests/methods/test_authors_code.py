@@ -9,7 +9,6 @@ from moving_sweeps import QUICK, mean_error
 
 from mnsf_ros.core.flow_estimate import StopReason
 from mnsf_ros.core.networks import fusion_network
-from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.mnsf import Networks
@@ -22,7 +21,7 @@ def test_joint_fields_start_from_the_same_weights(translated):
         bench = Workbench(
             translated,
             settings.changed({"optimization.joint": is_joint}),
-            SweepPreparation(settings),
+            {},
             num_before=2,
         )
         first, *others = (field.state_dict() for field in Networks.fresh(bench, 3).fields)

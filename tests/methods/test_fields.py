@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.methods.baselines import ChamferDistance
-from mnsf_ros.methods.fields import KroneckerField
+from mnsf_ros.methods.baselines import ChamferDistance, KroneckerField
 from mnsf_ros.settings import Settings
 
 SETTINGS = Settings().changed({"linear.node_spacing_m": 2.0, "linear.sigma_m": 3.0}).linear
