@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from mnsf_ros import simulation
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.recording import flow_truth
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator
+from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # Recordings whose sweeps are motion compensated: their points have no times of their own.
@@ -149,17 +150,18 @@ def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> Wor
     return world
 
 
-def _simulated(item: SimulatedSweep) -> TrueSweep:
-    times_s = None if item.times_ns is None else (item.times_ns / 1e9).astype(np.float32)
+def _simulated(item: flow_truth.TrueSweep) -> TrueSweep:
+    truth, times_ns = item.truth, item.columns.get("t")
+    times_s = None if times_ns is None else (times_ns / 1e9).astype(np.float32)
     return TrueSweep(
-        Sweep(item.xyz, item.stamp_ns, "lidar", times_s=times_s),
-        item.world_from_sensor,
-        item.flow,
-        item.dynamic,
-        item.valid & ~item.ground,
-        item.ground,
-        item.body,
-        item.class_id,
+        Sweep(item.xyz, truth.stamp_ns, "lidar", times_s=times_s),
+        item.pose,
+        truth.flow,
+        truth.dynamic,
+        truth.valid & ~truth.ground,
+        truth.ground,
+        truth.object_id.astype(np.int32) - 1,
+        truth.class_id,
     )
 
 

@@ -83,15 +83,33 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
+# Parsers fail on damaged files with errors of any kind: a wrong length, name or number surfaces as
+# the error of whatever stumbled over it. Catch this only around calls into libraries.
+UNREADABLE: Final = Exception
+_MAX_LENGTH: Final = 300
+
+
+def reason(error: BaseException) -> str:
+    """Returns the cause of an error of a library as one line without a full stop."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, MemoryError):
+        return "it takes more memory than the limit"
+    text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
+    # A KeyError's text is only the key.
+    return f"it has no {text}" if isinstance(error, KeyError) else text or type(error).__name__
+
+
 def one_line(error: BaseException) -> str:
     """Returns an error of other people's code as one line of at most some hundred characters."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:_MAX_LENGTH]}"
 
 
 # Library to the extra of setup.py that installs it.
 _EXTRAS: Final = {
     **dict.fromkeys(("cattrs", "jinja2", "matplotlib", "pandas"), "evaluation"),
     **dict.fromkeys(("torch", "edt"), "networks"),
+    **dict.fromkeys(("pyarrow", "h5py"), "datasets"),
     "optuna": "tune",
     "ray": "ray",
 }

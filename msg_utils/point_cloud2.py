@@ -14,7 +14,6 @@ from msg_utils.cloud_layout import (
     CloudEncoding,
     CloudLayout,
     Columns,
-    EncodedCloud,
     PointCloudLike,
     read_only_bytes,
 )
@@ -67,11 +66,6 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
     finite &= np.isfinite(xyz[:, 1])
     finite &= np.isfinite(xyz[:, 2])
     return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
-
-
-def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
-    """Builds a cloud of the given columns, see `encoding_of_columns`."""
-    return encoding_of_columns(columns, height, width).encoded()
 
 
 def encoding_with_columns(

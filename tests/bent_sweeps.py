@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mnsf_ros.geometry.transforms import invert
-from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator
+from mnsf_ros.recording.flow_truth import TrueSweep
+from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep
 
 _COLUMNS = 500
@@ -22,7 +23,7 @@ class BentSweep:
         sweep: Points at their own times.
         flow: (N, 3) metres to where the same surface is at the same time of the next sweep.
         dynamic: (N,) bool.
-        body: (N,) number of the body in the scene, -1 for ground.
+        body: (N,) number of the object, 0 for ground.
         ground: (N,) bool.
         pose: (4, 4) world_from_sensor at the stamp.
         straight: Where the points were at the stamp, (N, 3) metres, if they do not move.
@@ -62,21 +63,21 @@ class Turning:
         later, straight = self._places(snapshot, rows, columns, now_s, now_s + self._interval_s)
         sweep = Sweep(
             xyz.astype(np.float32),
-            snapshot.stamp_ns,
+            snapshot.truth.stamp_ns,
             "lidar",
             times_s=times_s.astype(np.float32),
         )
         return BentSweep(
             sweep,
             (later - xyz).astype(np.float32),
-            snapshot.dynamic[rows],
-            snapshot.body[rows],
-            snapshot.ground[rows],
-            snapshot.world_from_sensor,
+            snapshot.truth.dynamic[rows],
+            snapshot.truth.object_id[rows],
+            snapshot.truth.ground[rows],
+            snapshot.pose,
             straight,
         )
 
-    def _seen(self, snapshot: SimulatedSweep, index: int):
+    def _seen(self, snapshot: TrueSweep, index: int):
         """Row and column, of `_COLUMNS`, of each point; those seen twice come twice."""
         turn = self._degrees / 360
         azimuth = np.arctan2(snapshot.xyz[:, 1], snapshot.xyz[:, 0])
@@ -96,11 +97,12 @@ class Turning:
         shift_s = self._first_s + start_s
         column_s = shift_s + (np.arange(_COLUMNS) + 0.5) / _COLUMNS * self._interval_s
         straight = snapshot.xyz[rows].astype(np.float64)
-        world = _applied(snapshot.world_from_sensor, straight)
-        for number in np.unique(snapshot.body[rows][snapshot.dynamic[rows]]):
-            body = scene.bodies[number]
+        world = _applied(snapshot.pose, straight)
+        bodies, dynamic = snapshot.truth.object_id[rows], snapshot.truth.dynamic[rows]
+        for number in np.unique(bodies[dynamic]):
+            body = scene.bodies[number - 1]
             body_from_world = invert(body.world_from_body(now_s))
-            own = np.flatnonzero(snapshot.body[rows] == number)
+            own = np.flatnonzero(bodies == number)
             moves = {
                 column: body.world_from_body(column_s[column]) @ body_from_world
                 for column in np.unique(columns[own])

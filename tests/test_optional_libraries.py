@@ -85,6 +85,12 @@ def test_help_loads_no_library_that_takes_long(module, arguments):
         ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "{tmp}"), "torch"),
         ("numpy", "mnsf_ros.cli.__main__", ("simulate", "{tmp}/street"), "colcon build"),
         ("numpy", "mnsf_ros.node.__main__", (), "numpy"),
+        (
+            "h5py",
+            "mnsf_ros.cli.__main__",
+            ("convert", "opensceneflow", "a.h5", "{tmp}/out"),
+            "pip install '.[datasets]'",
+        ),
     ],
 )
 def test_a_missing_library_is_one_line(tmp_path, names, module, arguments, words):

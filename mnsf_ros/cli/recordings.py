@@ -14,11 +14,11 @@ from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
 from mnsf_ros.node.environment import prepare_environment, require_ros
+from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
-from mnsf_ros.recording.bag_writer import check_target
-from mnsf_ros.simulation.recording import write_recording as write_simulation
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import write_recording as write_simulation
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
     as_type,
     columns_of,
@@ -86,11 +86,12 @@ def _sweep(
             columns={**columns_of(columns, _EXTRA), "time_offset": offset_s},
             pose=pose,
             boxes=boxes,
-            given=None if flow_file is None else _read_flow(flow_file, len(xyz)),
+            **({} if flow_file is None else _read_flow(flow_file, len(xyz))),
         )
 
 
-def _read_flow(path: Path, num_points: int) -> GivenFlow:
+def _read_flow(path: Path, num_points: int) -> dict[str, Any]:
+    """Returns the flow labels of a LabelledSweep by the names of its attributes."""
     columns = read_feather(path, _FLOW, (*_VALID, *_DYNAMIC, *_CATEGORY))
     valid, dynamic, category = (
         next((name for name in names if name in columns), None)
@@ -104,16 +105,13 @@ def _read_flow(path: Path, num_points: int) -> GivenFlow:
             "of a subset of the points (as for the leaderboard) cannot be used"
         )
     with reading(path):
-        return GivenFlow(
-            flow=stacked(columns, _FLOW),
-            valid=columns[valid].astype(bool),
-            dynamic=None if dynamic is None else columns[dynamic].astype(bool),
-            class_id=None if category is None else _classes(columns[category], category),
-        )
-
-
-def _classes(numbers: NDArray[Any], column: str) -> NDArray[np.uint8]:
-    return argoverse2_classes(as_type(numbers, np.int64) - _CATEGORY[column])
+        found = {"flow": stacked(columns, _FLOW), "flow_valid": columns[valid].astype(bool)}
+        if dynamic is not None:
+            found["dynamic"] = columns[dynamic].astype(bool)
+        if category is not None:
+            numbers = as_type(columns[category], np.int64) - _CATEGORY[category]
+            found["class_id"] = argoverse2_classes(numbers)
+        return found
 
 
 def _read_poses(path: Path) -> dict[int, NDArray[np.float64]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.sweeps_io.files import new_file, require
+from mnsf_ros.sweeps_io.files import new_file
 
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
 
@@ -39,6 +39,9 @@ class Submission:
         Raises:
             DatasetError: Its mask is damaged or of another number of points.
         """
+        import pyarrow
+        from pyarrow import feather
+
         name = f"{log}/{sweep.sweep.stamp_ns}.feather"
         if name not in self._wanted or sweep.next_from_current is None:
             return
@@ -47,7 +50,7 @@ class Submission:
         columns: dict[str, Any] = dict(zip(_COLUMNS, flow.T, strict=True))
         columns["is_dynamic"] = sweep.in_rows(sweep.dynamic)[chosen]
         content = BytesIO()
-        require("pyarrow.feather").write_feather(require("pyarrow").table(columns), content)
+        feather.write_feather(pyarrow.table(columns), content)
         self._archive.writestr(name, content.getvalue())
         self._wanted.discard(name)
 
@@ -56,9 +59,10 @@ class Submission:
         return Counter(name.rpartition("/")[0] for name in self._wanted)
 
     def _mask(self, name: str, num_rows: int) -> NDArray[np.bool_]:
+        from pyarrow import feather
+
         with reading(self._masks_path, name):
-            content = BytesIO(self._masks.read(name))
-            table = require("pyarrow.feather").read_table(content, use_threads=False)
+            table = feather.read_table(BytesIO(self._masks.read(name)), use_threads=False)
             mask: NDArray[np.bool_] = table.column(0).to_numpy().astype(bool)
         if len(mask) != num_rows:
             raise DatasetError(
@@ -80,7 +84,6 @@ def submission(path: Path, masks: Path, *, overwrite: bool = False) -> Iterator[
         DatasetError: The masks cannot be read, or the file cannot be written.
     """
     with reading(masks):
-        require("pyarrow.feather")
         wanted = zipfile.ZipFile(masks)
     with (
         wanted,

@@ -9,40 +9,41 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets import argoverse1, argoverse2
+from mnsf_ros.datasets.kitti import open_drive
+from mnsf_ros.datasets.labelled_sweep import SweepSource
+from mnsf_ros.datasets.npz import open_sweeps, open_triplets
+from mnsf_ros.datasets.nuscenes import open_scene
+from mnsf_ros.datasets.open_scene_flow import open_file
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
+from mnsf_ros.datasets.waymo import open_segment
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.recording.flow_truth import TrueSweep
 
 
 class Format(NamedTuple):
-    """Module and function that opens a source, its description, and an option of `open_source`."""
+    """Function that opens a source, its description, and an option of `open_source`."""
 
-    place: str
+    open: Callable[..., SweepSource]
     source: str
     option: str = ""
 
 
 FORMATS: Final[Mapping[str, Format]] = {
-    "kitti": Format("kitti:open_drive", "KITTI raw: folder of a drive, …_sync"),
-    "argoverse2": Format("argoverse2:open_log", "Argoverse 2 sensor: folder of a log", "labels"),
-    "argoverse1": Format("argoverse1:open_log", "Argoverse 1 tracking: folder of a log"),
-    "waymo": Format(
-        "waymo:open_segment", "Waymo Open v2: folder with lidar, lidar_pose, …", "sequence"
-    ),
-    "nuscenes": Format(
-        "nuscenes:open_scene", "nuScenes: folder with sweeps, samples, v1.0-…", "sequence"
-    ),
-    "opensceneflow": Format("open_scene_flow:open_file", "OpenSceneFlow: .h5 file"),
+    "kitti": Format(open_drive, "KITTI raw: folder of a drive, …_sync"),
+    "argoverse2": Format(argoverse2.open_log, "Argoverse 2 sensor: folder of a log", "labels"),
+    "argoverse1": Format(argoverse1.open_log, "Argoverse 1 tracking: folder of a log"),
+    "waymo": Format(open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …", "sequence"),
+    "nuscenes": Format(open_scene, "nuScenes: folder with sweeps, samples, v1.0-…", "sequence"),
+    "opensceneflow": Format(open_file, "OpenSceneFlow: .h5 file"),
     "triplets": Format(
-        "npz:open_triplets", "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
+        open_triplets, "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
     ),
-    "sweeps": Format("npz:open_sweeps", "folder of npz sweeps, see docs/recordings.md"),
+    "sweeps": Format(open_sweeps, "folder of npz sweeps, see docs/recordings.md"),
 }
 
 
@@ -55,42 +56,32 @@ def open_source(
     of labels.
 
     Raises:
-        DatasetError: The format is unknown or does not support a given option, or a needed file is
-            missing or damaged.
+        DatasetError: The format does not support a given option, or a needed file is missing or
+            damaged.
     """
-    if name not in FORMATS:
-        raise DatasetError(f"format {name!r} is unknown, expected one of {', '.join(FORMATS)}")
     given = {"sequence": sequence, "labels": labels}
     options = {option: value for option, value in given.items() if value is not None}
-    for option, value in options.items():
-        if option != FORMATS[name].option:
-            raise DatasetError(f"format {name!r} takes no {option}, got {str(value)!r}")
-    module, _, function = FORMATS[name].place.partition(":")
-    opener = getattr(import_module(f"{__package__}.{module}"), function)
-    opened: SweepSource = opener(source, **options)
-    return opened
+    if wrong := options.keys() - {FORMATS[name].option}:
+        raise DatasetError(f"format {name!r} takes no {min(wrong)}")
+    return FORMATS[name].open(source, **options)
 
 
 @dataclass
 class TruthSummary:
-    """Counts of sweeps (all, with a pose, with labels) and points (all, valid, of these dynamic).
-
-    A sweep has labels if it has boxes, though possibly with no object, or flow labels.
-    """
+    """Counts of sweeps (all, with a pose) and points (all, valid, of these dynamic)."""
 
     num_sweeps: int = 0
     num_posed: int = 0
-    num_labelled: int = 0
     num_points: int = 0
     num_valid: int = 0
     num_dynamic: int = 0
 
-    def add(self, sweep: LabelledSweep, truth: FlowTruth) -> None:
+    def add(self, sweep: TrueSweep) -> None:
         """Counts one more sweep."""
+        truth = sweep.truth
         self.num_sweeps += 1
         self.num_posed += sweep.pose is not None
-        self.num_labelled += sweep.boxes is not None or sweep.given is not None
-        self.num_points += len(sweep)
+        self.num_points += len(truth)
         self.num_valid += int(truth.valid.sum())
         self.num_dynamic += int((truth.valid & truth.dynamic).sum())
 
@@ -102,14 +93,11 @@ class TruthSummary:
 
     def warnings(self) -> Iterator[str]:
         """Yields a line about each thing that a user may not expect."""
-        if not self.num_valid and not self.num_labelled:
+        if not self.num_valid:
             yield (
-                "no point has valid flow: no sweep has labels; either there are none, or their "
-                "stamps differ from those of the sweeps (--unlabelled-static takes all points as "
-                "static)"
+                "no point has valid flow: no sweep with labels of its stamp has a next sweep "
+                "(--unlabelled-static takes all points as static)"
             )
-        elif not self.num_valid:
-            yield "no point has valid flow: no labelled sweep has a next sweep"
         if 0 < self.num_posed < self.num_sweeps:
             yield f"only {self.num_posed} of {self.num_sweeps} sweeps have a pose"
 
@@ -145,8 +133,9 @@ def write_recording(
                     f"{sweep.stamp_ns} ns"
                 )
             truth = sweep_truth(sweep, following, settings)
-            writer.write_sweep(sweep.xyz, sweep.columns, truth, sweep.pose, source.frame_id)
-            summary.add(sweep, truth)
+            written = TrueSweep(sweep.xyz, truth, sweep.columns, sweep.pose)
+            writer.write_sweep(written, source.frame_id)
+            summary.add(written)
             if progress is not None:
                 progress(summary.num_sweeps)
             sweep = following

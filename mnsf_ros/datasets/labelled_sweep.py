@@ -16,6 +16,7 @@ from mnsf_ros.geometry.transforms import FloatArray, is_rigid
 
 # Beyond the range of any lidar: the number of a damaged file.
 _FARTHEST_M: Final = 1e6
+_MASKS: Final = ("flow_valid", "dynamic", "class_id", "labelled", "ground", "own_vehicle")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,28 +54,8 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class GivenFlow:
-    """Flow labels of a data set, row i for point i of its sweep.
-
-    Attributes:
-        flow: (N, 3) metres to the next sweep, in the next sweep's frame.
-        valid: (N,) bool, the flow is known.
-        dynamic: (N,) bool, the surface itself moves; None: derived from the flow.
-        class_id: (N,) uint8 class of the surface; None: that of its box.
-        next_from_current: (4, 4) float64 rigid motion of static points by the flow; None: by the
-            poses.
-    """
-
-    flow: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    dynamic: NDArray[np.bool_] | None = None
-    class_id: NDArray[np.uint8] | None = None
-    next_from_current: FloatArray | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class LabelledSweep:
-    """One sweep in the frame of the data set, z up, with its labels.
+    """One sweep in the frame of the data set, z up, with its labels: boxes, or flow.
 
     Attributes:
         stamp_ns: Time in nanoseconds.
@@ -82,7 +63,13 @@ class LabelledSweep:
         columns: Further columns of the cloud: name to (N,).
         pose: (4, 4) float64 `world_from_sweep`; None if the data set has none.
         boxes: Tracked objects; None if the sweep was not annotated.
-        given: Flow labels; None: the flow follows from poses and boxes.
+        flow: (N, 3) float32 metres to the next sweep, in the next sweep's frame; None: by poses and
+            boxes.
+        flow_valid: (N,) bool, the given flow is known; None: everywhere.
+        dynamic: (N,) bool, the surface itself moves; None: by the flow.
+        class_id: (N,) uint8 class of the surface; None: that of its box.
+        next_from_current: (4, 4) float64 rigid motion of static points by the given flow; None: by
+            the poses.
         labelled: (N,) bool, inside the annotated area; None: all points.
         ground: (N,) bool; None: to be segmented.
         own_vehicle: (N,) bool, returns of the vehicle that carries the lidar; None: no point.
@@ -97,40 +84,34 @@ class LabelledSweep:
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     pose: FloatArray | None = None
     boxes: tuple[Box, ...] | None = None
-    given: GivenFlow | None = None
+    flow: NDArray[np.float32] | None = None
+    flow_valid: NDArray[np.bool_] | None = None
+    dynamic: NDArray[np.bool_] | None = None
+    class_id: NDArray[np.uint8] | None = None
+    next_from_current: FloatArray | None = None
     labelled: NDArray[np.bool_] | None = None
     ground: NDArray[np.bool_] | None = None
     own_vehicle: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         """Checks shapes, range and pose."""
+        name = f"sweep of stamp {self.stamp_ns}"
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3:
-            raise ValueError(f"{self._name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
+            raise ValueError(f"{name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
         astray = self.xyz[np.isfinite(self.xyz) & (np.abs(self.xyz) > _FARTHEST_M)]
         if len(astray):
-            raise ValueError(f"{self._name}: a point has the coordinate {astray[0]:.4g} m")
-        masks = {"labelled": self.labelled, "ground": self.ground, "own_vehicle": self.own_vehicle}
-        rows = {**self.columns, **masks}
-        if (given := self.given) is not None:
-            self._check("flow", given.flow, self.xyz.shape)
-            rows |= {"valid": given.valid, "dynamic": given.dynamic, "class_id": given.class_id}
-        for name, column in rows.items():
-            if column is not None:
-                self._check(name, column, (len(self.xyz),))
+            raise ValueError(f"{name}: a point has the coordinate {astray[0]:.4g} m")
+        expected = dict.fromkeys((*self.columns, *_MASKS), (len(self),)) | {"flow": (len(self), 3)}
+        for array_name, shape in expected.items():
+            array = self.columns.get(array_name, getattr(self, array_name, None))
+            if array is not None and array.shape != shape:
+                raise ValueError(f"{name}: {array_name} has shape {array.shape}, expected {shape}")
         if self.pose is not None and not is_rigid(self.pose):
-            raise ValueError(f"{self._name}: its pose is no rigid motion: {self.pose.tolist()}")
+            raise ValueError(f"{name}: its pose is no rigid motion: {self.pose.tolist()}")
 
     def __len__(self) -> int:
         """Returns the number of points."""
         return len(self.xyz)
-
-    @property
-    def _name(self) -> str:
-        return f"sweep of stamp {self.stamp_ns}"
-
-    def _check(self, name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-        if array.shape != shape:
-            raise ValueError(f"{self._name}: {name} has shape {array.shape}, expected {shape}")
 
 
 @dataclass(frozen=True)
@@ -139,12 +120,12 @@ class SweepSource:
 
     Attributes:
         frame_id: Frame of the points.
-        num_sweeps: Number of sweeps; None if unknown before they are read.
+        num_sweeps: Number of sweeps.
         sweeps: Sweeps in the order of their stamps; can be iterated once.
     """
 
     frame_id: str
-    num_sweeps: int | None
+    num_sweeps: int
     sweeps: Iterable[LabelledSweep]
 
     def part(self, first: int = 0, count: int | None = None) -> SweepSource:
@@ -155,10 +136,7 @@ class SweepSource:
         """
         if first < 0 or (count is not None and count < 1):
             raise DatasetError(f"first {first} and count {count}: expected at least 0 and 1")
-        num_sweeps = self.num_sweeps
-        if num_sweeps is not None:
-            if first >= num_sweeps:
-                raise DatasetError(f"first {first}: there are only {num_sweeps} sweeps")
-            num_sweeps = min(num_sweeps - first, num_sweeps if count is None else count)
-        stop = None if count is None else first + count
-        return SweepSource(self.frame_id, num_sweeps, islice(self.sweeps, first, stop))
+        if first >= self.num_sweeps:
+            raise DatasetError(f"first {first}: there are only {self.num_sweeps} sweeps")
+        end = self.num_sweeps if count is None else min(first + count, self.num_sweeps)
+        return SweepSource(self.frame_id, end - first, islice(self.sweeps, first, end))

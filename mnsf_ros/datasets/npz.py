@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
     as_type,
     columns_of,
@@ -53,19 +53,12 @@ def _sweep(file: Path, boxes: tuple[Box, ...] | None) -> LabelledSweep:
             columns=columns_of(arrays, _EXTRA),
             pose=rigid_pose(arrays["pose"]) if "pose" in arrays else None,
             boxes=boxes,
-            given=_given(arrays["flow"], arrays) if "flow" in arrays else None,
+            flow=as_type(arrays["flow"], np.float32) if "flow" in arrays else None,
+            flow_valid=_flags(arrays, "flow_valid"),
+            dynamic=_flags(arrays, "is_dynamic") if "flow" in arrays else None,
             labelled=_flags(arrays, "label_valid"),
             ground=_flags(arrays, "is_ground"),
         )
-
-
-def _given(flow: NDArray[Any], labels: Mapping[str, NDArray[Any]]) -> GivenFlow:
-    valid = _flags(labels, "flow_valid")
-    return GivenFlow(
-        flow=as_type(flow, np.float32),
-        valid=np.ones(len(flow), dtype=bool) if valid is None else valid,
-        dynamic=_flags(labels, "is_dynamic"),
-    )
 
 
 def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.bool_] | None:
@@ -115,19 +108,14 @@ def _sweeps_of_files(files: list[Path]) -> Iterator[LabelledSweep]:
             )
         for index, flow_name in enumerate((*flow_names, "")):
             xyz, flow = arrays[f"pc{index + 1}"], arrays.get(flow_name)
-            if flow is not None and flow.shape != xyz.shape:
-                raise DatasetError(
-                    f"{file}: {flow_name} has shape {flow.shape}, expected that of "
-                    f"pc{index + 1}, {xyz.shape}"
-                )
             # Other labels belong to the sweep in the middle.
-            known = ("is_dynamic", "label_valid") if flow_name == flow_names[-1] else ()
-            labels = {name: arrays[name] for name in known if name in arrays}
+            labels = arrays if flow is not None and flow_name == flow_names[-1] else {}
             with reading(file):
                 yield LabelledSweep(
                     stamp_ns=first_ns + index * _INTERVAL_NS,
                     xyz=as_type(xyz, np.float32),
-                    given=None if flow is None else _given(flow, labels),
+                    flow=None if flow is None else as_type(flow, np.float32),
+                    dynamic=_flags(labels, "is_dynamic"),
                     labelled=_flags(labels, "label_valid"),
                     # The ground is removed already; the lowest points of the rest are not ground.
                     ground=np.zeros(len(xyz), dtype=bool),

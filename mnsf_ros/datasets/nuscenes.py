@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 import json
-from bisect import bisect_right
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, file_inside, read_float_rows, reading
+from mnsf_ros.datasets.source_files import as_type, choose, read_float_rows, reading
 from mnsf_ros.datasets.surface_classes import nuscenes_class
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
@@ -65,46 +64,39 @@ def json_rows(path: Path) -> Iterator[Any]:
                 yield row
 
 
-@dataclass(frozen=True, eq=False)
-class Keyframe:
-    """An annotated instant (microseconds) with its boxes in the world: instance token to box."""
-
-    micros: int
-    boxes: Mapping[str, Box]
+# Annotated instants in the order of time: microseconds to boxes in the world by their instance.
+_Keyframes: TypeAlias = Mapping[int, Mapping[str, Box]]
 
 
-def boxes_at(
-    micros: int, keyframes: Sequence[Keyframe], world_from_lidar: FloatArray
+def _boxes_at(
+    micros: int, keyframes: _Keyframes, world_from_lidar: FloatArray
 ) -> tuple[Box, ...] | None:
     """Returns the boxes in the frame of a sweep, those between two keyframes interpolated.
 
-    Keyframes are in the order of time. Before the first one and after the last one there are no
-    boxes: None. An object of only one of two keyframes keeps its place there, with unknown motion.
+    Before the first keyframe and after the last one there are no boxes: None. An object of only one
+    of two keyframes keeps its place there, with unknown motion.
     """
-    after = bisect_right([keyframe.micros for keyframe in keyframes], micros)
-    if after == 0:
+    earlier = max((moment for moment in keyframes if moment <= micros), default=None)
+    later = min((moment for moment in keyframes if moment >= micros), default=None)
+    if earlier is None or later is None:
         return None
-    earlier = keyframes[after - 1]
-    if earlier.micros == micros:
-        boxes = list(earlier.boxes.values())
-    elif after == len(keyframes):
-        return None
-    else:
-        boxes = _boxes_between(earlier, keyframes[after], micros)
-    lidar_from_world = invert(world_from_lidar)
-    return tuple(replace(box, pose=lidar_from_world @ box.pose) for box in boxes)
+    share = (micros - earlier) / max(later - earlier, 1)
+    lidar_from_world, boxes = invert(world_from_lidar), []
+    for instance, box in {**keyframes[earlier], **keyframes[later]}.items():
+        pose, track_id = box.pose, None
+        if instance in keyframes[earlier] and instance in keyframes[later]:
+            pose = interpolated_pose(keyframes[earlier][instance].pose, pose, share)
+            track_id = instance
+        boxes.append(replace(box, pose=lidar_from_world @ pose, track_id=track_id))
+    return tuple(boxes)
 
 
-def _boxes_between(earlier: Keyframe, later: Keyframe, micros: int) -> list[Box]:
-    share = (micros - earlier.micros) / (later.micros - earlier.micros)
-    boxes = []
-    for instance, box in {**earlier.boxes, **later.boxes}.items():
-        if instance in earlier.boxes and instance in later.boxes:
-            pose = interpolated_pose(earlier.boxes[instance].pose, box.pose, share)
-            boxes.append(replace(box, pose=pose))
-        else:
-            boxes.append(replace(box, track_id=None))
-    return boxes
+class _SweepRow(NamedTuple):
+    """A lidar sweep: its time, its file and its pose."""
+
+    micros: int
+    file_name: str
+    world_from_lidar: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -128,32 +120,33 @@ class _Tables:
                 if value in wanted
             }
 
-    def keyframes(self, scene: str) -> dict[str, Keyframe]:
-        """Returns the annotated instants of a scene by their sample token, in the order of time."""
-        samples = sorted(
-            (int(micros), token)
-            for token, own, micros in self.rows("sample", "token", "scene_token", "timestamp")
-            if own == scene
-        )
-        boxes: dict[str, dict[str, Box]] = {token: {} for _, token in samples}
+    def samples(self, scene: str) -> dict[str, int]:
+        """Returns the annotated instants of a scene: sample token to microseconds."""
+        rows = self.rows("sample", "token", "scene_token", "timestamp")
+        return {token: int(micros) for token, own, micros in rows if own == scene}
+
+    def keyframes(self, samples: Mapping[str, int]) -> _Keyframes:
+        """Returns the boxes at the samples."""
+        found: dict[int, dict[str, Box]] = {micros: {} for micros in sorted(samples.values())}
         categories = dict(self.rows("category", "token", "name"))
         instances = dict(self.rows("instance", "token", "category_token"))
         columns = ("sample_token", "instance_token", "rotation", "translation", "size")
         path = self.folder / "sample_annotation.json"
         for sample, instance, rotation, translation, size in self.rows(path.stem, *columns):
-            if sample not in boxes:
+            if sample not in samples:
                 continue
             with reading(path, f"sample {sample!r}"):
-                if instance in boxes[sample]:
+                boxes = found[samples[sample]]
+                if instance in boxes:
                     raise ValueError(f"instance {instance!r} occurs twice")
                 width, length, height = size
-                boxes[sample][instance] = Box(
+                boxes[instance] = Box(
                     pose=poses_from_quaternions(rotation, translation),
                     size_m=np.array([length, width, height], dtype=np.float64),
                     class_id=nuscenes_class(categories.get(instances.get(instance), "")),
                     track_id=instance,
                 )
-        return {token: Keyframe(micros, boxes[token]) for micros, token in samples}
+        return found
 
     def sweeps(self, samples: Collection[str]) -> list[_SweepRow]:
         """Returns the lidar sweeps of the samples and between them, in the order of time."""
@@ -169,19 +162,10 @@ class _Tables:
         poses = self.poses("ego_pose", "token", {ego for _, ego, _, _ in found})
         with reading(self.folder / "ego_pose.json"):
             sweeps = [
-                _SweepRow(name, int(micros), rigid_pose(poses[ego] @ mounts[mount]))
+                _SweepRow(int(micros), name, rigid_pose(poses[ego] @ mounts[mount]))
                 for mount, ego, micros, name in found
             ]
         return sorted(sweeps, key=lambda sweep: sweep.micros)
-
-
-@dataclass(frozen=True, eq=False)
-class _SweepRow:
-    """A lidar sweep: its file, its time and its pose."""
-
-    file_name: str
-    micros: int
-    world_from_lidar: NDArray[np.float64]
 
 
 def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
@@ -190,14 +174,12 @@ def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
     The source has `sweeps`, `samples` and the tables in `v1.0-…`, or is the folder of the tables.
     """
     tables = _Tables(_tables_folder(source))
-    with reading(tables.folder):
-        scenes = dict(tables.rows("scene", "name", "token"))
-        scene = scenes[choose(sequence, scenes, tables.folder, "scene")]
-        keyframes = tables.keyframes(scene)
-        rows = tables.sweeps(keyframes)
+    scenes = dict(tables.rows("scene", "name", "token"))
+    samples = tables.samples(scenes[choose(sequence, scenes, tables.folder, "scene")])
+    keyframes, rows = tables.keyframes(samples), tables.sweeps(samples)
     if not rows:
         raise DatasetError(f"{tables.folder}: has no lidar sweep of that scene")
-    sweeps = (_sweep(tables.folder, row, list(keyframes.values())) for row in rows)
+    sweeps = (_sweep(tables.folder, row, keyframes) for row in rows)
     return SweepSource("lidar_top", len(rows), sweeps)
 
 
@@ -213,18 +195,20 @@ def _tables_folder(source: Path) -> Path:
     return found[0]
 
 
-def _sweep(tables: Path, row: _SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
-    with reading(tables / "sample_data.json"):
-        path = file_inside(tables.parent, row.file_name)
+def _sweep(tables: Path, row: _SweepRow, keyframes: _Keyframes) -> LabelledSweep:
+    micros, name, world_from_lidar = row
+    if ".." in Path(name).parts or Path(name).is_absolute():
+        raise DatasetError(f"{tables / 'sample_data.json'}: {name!r} leads out of the data set")
+    path = tables.parent / name
     points = read_float_rows(path, 5)
     # A split without labels has keyframes, but no object in any of them.
-    is_labelled = any(keyframe.boxes for keyframe in keyframes)
+    is_labelled = any(keyframes.values())
     with reading(path):
         return LabelledSweep(
-            stamp_ns=row.micros * 1000,
+            stamp_ns=micros * 1000,
             xyz=np.ascontiguousarray(points[:, :3]),
             columns={"intensity": points[:, 3], "ring": as_type(points[:, 4], np.uint16)},
-            pose=row.world_from_lidar,
-            boxes=boxes_at(row.micros, keyframes, row.world_from_lidar) if is_labelled else None,
+            pose=world_from_lidar,
+            boxes=_boxes_at(micros, keyframes, world_from_lidar) if is_labelled else None,
             own_vehicle=(np.abs(points[:, 0]) < _OWN_X_M) & (np.abs(points[:, 1]) < _OWN_Y_M),
         )

@@ -12,13 +12,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
+from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, reading
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.geometry.transforms import FloatArray, invert
-from mnsf_ros.sweeps_io.files import require
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17
@@ -39,7 +38,7 @@ def sweep_keys(source: Path) -> list[str]:
     Raises:
         DatasetError: It cannot be read, or has other groups, or none.
     """
-    with reading(source), require("h5py").File(source, "r") as file:
+    with reading(source), h5_file(source) as file:
         keys = list(file.keys())
     wrong = [key for key in keys if not _STAMP.fullmatch(key)]
     if wrong or not keys:
@@ -60,79 +59,68 @@ def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
     sweep without flow on the pose is unknown.
     """
     pose: FloatArray | None = np.eye(4)  # the frame of the first sweep is the world's
-    with reading(source), require("h5py").File(source, "r") as file:
+    with reading(source), h5_file(source) as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
-                sweep = _sweep(int(key), SweepGroup(file, key))
+                sweep = _sweep(int(key), group_of(file, key))
             yield replace(sweep, pose=pose)
-            motion = None if sweep.given is None else sweep.given.next_from_current
+            motion = sweep.next_from_current
             pose = None if pose is None or motion is None else pose @ invert(motion)
 
 
-class SweepGroup:
-    """The data sets of one sweep, all in the file itself.
+def h5_file(path: Path) -> Any:  # noqa: ANN401 - h5py.File
+    """Opens an HDF5 file to read."""
+    import h5py
 
-    HDF5 can lead to any other file: by links, virtual data sets and external storage.
+    return h5py.File(path, "r")
 
-    Attributes:
-        group: The h5py.Group.
+
+def group_of(file: Any, key: str) -> Any:  # noqa: ANN401 - h5py.File, h5py.Group
+    """Returns the group of a sweep.
+
+    Raises:
+        ValueError: It is in another file: by links HDF5 would read, and change, any.
     """
-
-    def __init__(self, file: Any, key: str) -> None:  # noqa: ANN401 - h5py.File
-        _check_place(file, key)
-        self.group: Final = file[key]
-        self._names = list(self.group)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._names
-
-    def array(self, name: str, dtype: DTypeLike) -> NDArray[Any]:
-        """Returns the numbers of a data set in the type asked for.
-
-        Raises:
-            ValueError: There is no such data set, or its values are not in the file.
-            FloatingPointError: The type cannot hold one of them.
-        """
-        if name not in self._names:
-            raise ValueError(f"has no data set {name}; it has {', '.join(self._names)}")
-        _check_place(self.group, name)
-        data = self.group[name]
-        if data.is_virtual or data.external:
-            raise ValueError(f"the values of {name!r} are in another file")
-        return as_type(data[...], dtype)
+    group = file[key]
+    if group.file.filename != file.filename:
+        raise ValueError("is in another file")
+    return group
 
 
-def _check_place(parent: Any, name: str) -> None:  # noqa: ANN401
-    # `get(name, getlink=True)` of h5py would follow the link before it says what it is.
-    if parent.id.links.get_info(name.encode()).type != require("h5py").h5l.TYPE_HARD:
-        raise ValueError(f"{name!r} is a link, expected it in the file itself")
+def array_of(group: Any, name: str, dtype: DTypeLike) -> NDArray[Any]:  # noqa: ANN401
+    """Returns the numbers of a data set of a sweep in the type asked for.
+
+    Raises:
+        ValueError: There is no such data set, or its values are in another file.
+        FloatingPointError: The type cannot hold one of them.
+    """
+    if name not in group:
+        raise ValueError(f"has no data set {name}; it has {', '.join(group)}")
+    data = group[name]
+    if data.file.filename != group.file.filename or data.is_virtual or data.external:
+        raise ValueError(f"the values of {name!r} are in another file")
+    return as_type(data[...], dtype)
 
 
-def _sweep(stamp: int, group: SweepGroup) -> LabelledSweep:
-    points = group.array("lidar", np.float32)
+def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
+    points = array_of(group, "lidar", np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
-        columns["time_offset"] = group.array("lidar_dt", np.float32)
+        columns["time_offset"] = array_of(group, "lidar_dt", np.float32)
     sweep = LabelledSweep(
         stamp_ns=nanoseconds(stamp),
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
-        ground=group.array("ground_mask", bool) if "ground_mask" in group else None,
+        ground=array_of(group, "ground_mask", bool) if "ground_mask" in group else None,
     )
-    return _with_flow(sweep, group) if "flow" in group else sweep
-
-
-def _with_flow(sweep: LabelledSweep, group: SweepGroup) -> LabelledSweep:
-    categories = group.array("flow_category_indices", np.int64)
-    given = GivenFlow(
-        flow=group.array("flow", np.float32),
-        valid=group.array("flow_is_valid", bool),
-        class_id=argoverse2_classes(categories),
-    )
-    sweep = replace(sweep, given=given)
+    if "flow" not in group:
+        return sweep
+    categories = array_of(group, "flow_category_indices", np.int64)
+    flow, valid = array_of(group, "flow", np.float32), array_of(group, "flow_is_valid", bool)
+    classes = argoverse2_classes(categories)
+    sweep = replace(sweep, flow=flow, flow_valid=valid, class_id=classes)
     # Points without a category are static.
-    static = given.valid & (categories == 0)
+    static = valid & (categories == 0)
     if np.count_nonzero(static) < _MIN_BACKGROUND:
         return sweep
-    motion = fit_rigid_motion(sweep.xyz[static], given.flow[static])
-    return replace(sweep, given=replace(given, next_from_current=motion))
+    return replace(sweep, next_from_current=fit_rigid_motion(sweep.xyz[static], flow[static]))

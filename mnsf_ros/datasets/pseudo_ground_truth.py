@@ -7,21 +7,17 @@ import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
-from mnsf_ros.geometry.transforms import FloatArray, apply, invert
+from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
 from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.kept_points import ground_mask
-
-# (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
-_Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
@@ -47,28 +43,20 @@ def sweep_truth(
     sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
 ) -> FlowTruth:
     """Returns the truth of every point until the following sweep; without one, no flow is valid."""
-    ground = _ground_of(sweep)
-    boxes = sweep.boxes or ()
+    ground, boxes = _ground_of(sweep), sweep.boxes or ()
     owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
-    class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
-    if sweep.given is not None and sweep.given.class_id is not None:
-        class_id = sweep.given.class_id
-    if following is None:
-        motion = _nothing_known(sweep)
-    elif sweep.given is not None:
-        motion = _given_motion(sweep, sweep.given, following)
-    else:
-        motion = _labelled_motion(sweep, following, owner)
-    flow, valid, dynamic = motion
+    class_id = sweep.class_id
+    if class_id is None:
+        class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
+    flow, valid, dynamic = _motion(sweep, following, owner)
     # A point in a box is labelled, wherever the box is.
     valid = valid & (_reach(sweep, settings) | (owner >= 0))
     if sweep.own_vehicle is not None:
         valid &= ~sweep.own_vehicle
-    dynamic = dynamic & valid
     # Boxes of a track have the same number in every sweep.
     numbers = [_object_id(box.track_id) for box in boxes]
     object_id = None if sweep.boxes is None else np.array([*numbers, 0], np.uint32)[owner]
-    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic, ground, class_id, object_id)
+    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id, object_id)
 
 
 def _object_id(track_id: str | int | None) -> int:
@@ -103,19 +91,38 @@ def box_of_points(
     return owner
 
 
-def _nothing_known(sweep: LabelledSweep) -> _Motion:
-    nowhere: NDArray[np.bool_] = np.zeros(len(sweep), dtype=bool)
-    return np.zeros_like(sweep.xyz), nowhere, nowhere
+def _motion(
+    sweep: LabelledSweep, following: LabelledSweep | None, owner: NDArray[np.int64]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Returns (N, 3) flow, (N,) whether it is known, and (N,) whether the surface itself moves."""
+    ego_motion = None if following is None else _ego_motion(sweep, following)
+    if following is None or (sweep.flow is None and ego_motion is None):
+        nowhere: NDArray[np.bool_] = np.zeros(len(sweep), dtype=bool)
+        return np.zeros_like(sweep.xyz), nowhere, nowhere
+    if sweep.flow is not None:
+        flow, valid = sweep.flow, _finite_rows(np.hstack([sweep.xyz, sweep.flow]))
+        if sweep.flow_valid is not None:
+            valid &= sweep.flow_valid
+    if ego_motion is None:
+        ego_motion = fit_rigid_motion(sweep.xyz[valid], flow[valid])
+    if sweep.flow is None:
+        flow, valid = _flow_of_boxes(sweep, following, owner, ego_motion)
+    if sweep.dynamic is not None:
+        return flow, valid, sweep.dynamic
+    interval_s = (following.stamp_ns - sweep.stamp_ns) * 1e-9
+    with np.errstate(invalid="ignore", over="ignore"):
+        residual = np.linalg.norm(residual_flow(sweep.xyz, flow, ego_motion), axis=1)
+        return flow, valid, np.asarray(residual > DYNAMIC_SPEED_M_S * interval_s)
 
 
-def _labelled_motion(
-    sweep: LabelledSweep, following: LabelledSweep, owner: NDArray[np.int64]
-) -> _Motion:
-    next_from_current = _ego_motion(sweep, following)
-    if next_from_current is None:
-        return _nothing_known(sweep)
-    valid = _finite_rows(sweep.xyz)
-    flow = rigid_flow(sweep.xyz, next_from_current)
+def _flow_of_boxes(
+    sweep: LabelledSweep,
+    following: LabelledSweep,
+    owner: NDArray[np.int64],
+    next_from_current: NDArray[np.float64],
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Returns the flow of points that move with their boxes, and whether it is known."""
+    valid, flow = _finite_rows(sweep.xyz), rigid_flow(sweep.xyz, next_from_current)
     tracks, counterparts = _tracks(sweep.boxes or ()), _tracks(following.boxes or ())
     for number, box in enumerate(sweep.boxes or ()):
         rows = np.flatnonzero(owner == number)
@@ -125,7 +132,7 @@ def _labelled_motion(
         else:
             next_from_box = np.asarray(counterpart.pose @ invert(box.pose), dtype=np.float64)
             flow[rows] = rigid_flow(sweep.xyz[rows], next_from_box)
-    return flow, valid, _dynamic(sweep, flow, next_from_current, following)
+    return flow, valid
 
 
 def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
@@ -136,40 +143,17 @@ def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
     }
 
 
-def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSweep) -> _Motion:
-    valid = given.valid & _finite_rows(np.hstack([sweep.xyz, given.flow]))
-    if given.dynamic is not None:
-        return given.flow, valid, given.dynamic
-    motion = given.next_from_current
-    if motion is None:
-        motion = _ego_motion(sweep, following)
-    if motion is None:
-        motion = fit_rigid_motion(sweep.xyz[valid], given.flow[valid])
-    return given.flow, valid, _dynamic(sweep, given.flow, motion, following)
-
-
 def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.float64] | None:
+    if sweep.next_from_current is not None:
+        return np.asarray(sweep.next_from_current, dtype=np.float64)
     if sweep.pose is None or following.pose is None:
         return None
     return np.asarray(invert(following.pose) @ sweep.pose, dtype=np.float64)
 
 
-def _dynamic(
-    sweep: LabelledSweep,
-    flow: NDArray[np.float32],
-    next_from_current: FloatArray,
-    following: LabelledSweep,
-) -> NDArray[np.bool_]:
-    interval_s = (following.stamp_ns - sweep.stamp_ns) * 1e-9
-    motion = np.asarray(next_from_current, dtype=np.float64)
-    with np.errstate(invalid="ignore", over="ignore"):
-        residual = np.linalg.norm(residual_flow(sweep.xyz, flow, motion), axis=1)
-        return np.asarray(residual > DYNAMIC_SPEED_M_S * interval_s)
-
-
 def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
     """Returns (N,) whether the labels tell moving objects from static points there."""
-    is_labelled = sweep.boxes is not None or sweep.given is not None
+    is_labelled = sweep.boxes is not None or sweep.flow is not None
     if settings.unlabelled_static or not is_labelled or sweep.labelled is None:
         return np.full(len(sweep), settings.unlabelled_static or is_labelled)
     return sweep.labelled

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterable, Mapping
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,18 +54,6 @@ def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -
     raise DatasetError(f"{place}: holds {problem}; it has {found}")
 
 
-def file_inside(folder: Path, name: str) -> Path:
-    """Returns the path of a file that a table of the data set names.
-
-    Raises:
-        ValueError: The name leads out of the folder.
-    """
-    path = PurePosixPath(name)
-    if path.is_absolute() or ".." in path.parts:
-        raise ValueError(f"file name {name!r} leads out of the data set, expected a path in it")
-    return folder / path
-
-
 def read_lines(path: Path) -> list[str]:
     """Returns the lines of an ASCII text."""
     with reading(path):
@@ -96,25 +84,33 @@ def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
 
 def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:
     """Returns all arrays of an npz file, among them the required ones."""
-    with reading(path), files.open_npz(path) as archive:
-        names = dict.fromkeys((*required, *archive.files))
-        return {name: files.array_in(archive, name) for name in names}
+    with reading(path):
+        return files.read_npz(path, required)
 
 
 def read_feather(
     path: Path, columns: Collection[str], optional: Collection[str] = ()
 ) -> dict[str, NDArray[Any]]:
     """Returns columns of a Feather file as (N,) arrays, optional ones where present."""
+    from pyarrow import feather
+
     with reading(path):
         # memory_map: damage in a mapped file would only show later. use_threads: where memory ends,
         # the threads of Arrow abort the process.
-        feather = files.require("pyarrow.feather")
         table = feather.read_table(path, memory_map=False, use_threads=False)
-        found = table.column_names
-        if missing := [name for name in columns if name not in found]:
-            raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
-        wanted = (*columns, *(name for name in optional if name in found))
+        check_columns(table.column_names, columns)
+        wanted = (*columns, *(name for name in optional if name in table.column_names))
         return {name: table.column(name).to_numpy() for name in wanted}
+
+
+def check_columns(found: Collection[str], wanted: Iterable[str]) -> None:
+    """Checks that a table has the wanted columns.
+
+    Raises:
+        ValueError: One is missing.
+    """
+    if missing := [name for name in wanted if name not in found]:
+        raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
 
 
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:

@@ -6,21 +6,19 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading
+from mnsf_ros.datasets.source_files import as_type, check_columns, choose, files_in, reading
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose, rigid_pose
-from mnsf_ros.sweeps_io.files import require
+from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose
 
 _STAMP: Final = "key.frame_timestamp_micros"
 _LASER: Final = "key.laser_name"
@@ -32,103 +30,36 @@ _VEHICLE: Final = "[VehiclePoseComponent].world_from_vehicle.transform"
 _BOX: Final = "[LiDARBoxComponent]"
 
 
-@dataclass(frozen=True, eq=False)
-class LaserCalibration:
+class _Laser(NamedTuple):
     """Mount and row angles of one lidar.
 
     Attributes:
         vehicle_from_laser: (4, 4) pose.
-        inclinations_rad: (H,) angle above the horizontal of each row, from the lowest row up;
-            empty if the rows are spread evenly over the range.
+        inclinations_rad: (H,) angle above the horizontal of each row, from the lowest row up; None
+            if the rows are spread evenly over the range.
         range_rad: Lowest and highest angle.
     """
 
     vehicle_from_laser: NDArray[np.float64]
-    inclinations_rad: NDArray[np.float64]
+    inclinations_rad: NDArray[np.float64] | None
     range_rad: tuple[float, float]
 
-    def row_inclinations(self, height: int) -> NDArray[np.float64]:
-        """Returns (H,) angles in the order of the rows of an image: from the highest down."""
-        angles = self.inclinations_rad
-        if not len(angles):
-            low, high = self.range_rad
+    def points(self, image: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (H, W, 3) points of the pixels of a range image (H, W, ...), vehicle frame."""
+        height, width = image.shape[:2]
+        angles, (low, high) = self.inclinations_rad, self.range_rad
+        if angles is None:
             angles = low + (np.arange(height) + 0.5) / height * (high - low)
         if len(angles) != height:
             raise ValueError(f"range image of {height} rows for {len(angles)} inclinations")
-        return angles[::-1]
-
-
-@dataclass(frozen=True, eq=False)
-class LaserReturns:
-    """The range image of one lidar.
-
-    Attributes:
-        laser: Number of the lidar; 1 is on the roof.
-        image: (H, W, 4) float32: range (m), intensity, elongation, 1 in a zone without labels.
-        pixel_poses: (H, W, 6) float32: roll, pitch, yaw (rad), x, y, z (m) of the vehicle in
-            the world at the time of each pixel; None: the same time for all.
-        calibration: Calibration of the lidar.
-    """
-
-    laser: int
-    image: NDArray[np.float32]
-    pixel_poses: NDArray[np.float32] | None
-    calibration: LaserCalibration
-
-    def points(
-        self, rows: NDArray[np.intp], columns: NDArray[np.intp], world_from_vehicle: FloatArray
-    ) -> FloatArray:
-        """Returns (N, 3) points of pixels in the vehicle frame of the sweep."""
-        height, width = self.image.shape[:2]
-        mount = self.calibration.vehicle_from_laser
-        # The middle column looks to the front of the vehicle, not of the lidar.
-        turn = math.atan2(mount[1, 0], mount[0, 0])
-        azimuth = ((width - columns - 0.5) / width * 2 - 1) * math.pi - turn
-        inclination = self.calibration.row_inclinations(height)[rows]
-        distance = self.image[rows, columns, 0].astype(np.float64)
-        level, up = distance * np.cos(inclination), distance * np.sin(inclination)
-        local = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=1)
-        points = apply(mount, local)
-        if self.pixel_poses is None or not len(rows):
-            return points
-        pose = self.pixel_poses[rows, columns].astype(np.float64)
-        points = Rotation.from_euler("ZYX", pose[:, 2::-1]).apply(points) + pose[:, 3:6]
-        return apply(invert(world_from_vehicle), points)
-
-
-def waymo_sweep(
-    stamp_ns: int,
-    world_from_vehicle: FloatArray,
-    returns: Sequence[LaserReturns],
-    boxes: tuple[Box, ...] | None,
-) -> LabelledSweep:
-    """Returns the first returns of all lidars as one sweep in the vehicle frame.
-
-    Raises:
-        ValueError: An image does not fit its calibration, or the sweep is refused.
-        FloatingPointError: A point is too far away for a float32.
-    """
-    points: list[FloatArray] = [np.zeros((0, 3))]
-    values: list[FloatArray] = [np.zeros((0, 4), dtype=np.float32)]
-    numbers = [np.zeros(0)]
-    for laser in sorted(returns, key=lambda one: one.laser):
-        rows, columns = np.nonzero(laser.image[:, :, 0] > 0)
-        points.append(laser.points(rows, columns, world_from_vehicle))
-        values.append(laser.image[rows, columns, :4])
-        numbers.append(np.full(len(rows), laser.laser))
-    _, intensity, elongation, unlabelled = np.concatenate(values).T
-    return LabelledSweep(
-        stamp_ns=stamp_ns,
-        xyz=as_type(np.concatenate(points), np.float32),
-        columns={
-            "intensity": np.ascontiguousarray(intensity),
-            "elongation": np.ascontiguousarray(elongation),
-            "laser": np.concatenate(numbers).astype(np.uint8),
-        },
-        pose=world_from_vehicle,
-        boxes=boxes,
-        labelled=unlabelled <= 0,
-    )
+        # Rows go from the highest down. The middle column looks to the front of the vehicle, not of
+        # the lidar.
+        turn = math.atan2(self.vehicle_from_laser[1, 0], self.vehicle_from_laser[0, 0])
+        azimuth = (1 - (np.arange(width) + 0.5) / width * 2) * math.pi - turn
+        up, around = angles[::-1, None], azimuth[None]
+        rays = (np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up + 0 * around))
+        distance = image[..., 0].astype(np.float64)
+        return np.asarray(apply(self.vehicle_from_laser, np.stack(rays, -1) * distance[..., None]))
 
 
 def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
@@ -150,57 +81,83 @@ def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
 def _sweeps(
     source: Path, file_name: str, vehicle_poses: Mapping[int, NDArray[np.float64]]
 ) -> Iterator[LabelledSweep]:
-    calibrations = _read_calibrations(source / "lidar_calibration" / file_name)
+    lasers = _read_calibrations(source / "lidar_calibration" / file_name)
     box_file = source / "lidar_box" / file_name
     # A split without labels has none.
     boxes = _read_boxes(box_file) if box_file.is_file() else {}
     image_file, pose_file = source / "lidar" / file_name, source / "lidar_pose" / file_name
-    pixel_poses = _frames(pose_file, _POSES, 6)
-    for micros, images in _frames(image_file, _IMAGE, 4):
+    pixel_poses = _frames(pose_file, _POSES)
+    for micros, images in _frames(image_file, _IMAGE):
         pose_micros, poses = next(pixel_poses, (None, {}))
         if micros != pose_micros or micros not in vehicle_poses:
             raise DatasetError(f"{image_file}: frame {micros} has no pose in {pose_file.parent}")
+        pose = vehicle_poses[micros]
         with reading(image_file):
-            returns = [
-                LaserReturns(laser, image, poses.get(laser), calibrations[laser])
-                for laser, image in images.items()
-            ]
-            yield waymo_sweep(micros * 1000, vehicle_poses[micros], returns, boxes.get(micros))
+            # x, y, z, intensity, elongation, in a zone without labels, number of the lidar.
+            rows = np.concatenate(
+                [np.zeros((0, 7))]
+                + [
+                    _returns(number, images[number], poses.get(number), lasers[number], pose)
+                    for number in sorted(images)
+                ]
+            )
+            yield LabelledSweep(
+                stamp_ns=micros * 1000,
+                xyz=as_type(rows[:, :3], np.float32),
+                columns={
+                    "intensity": rows[:, 3].astype(np.float32),
+                    "elongation": rows[:, 4].astype(np.float32),
+                    "laser": rows[:, 6].astype(np.uint8),
+                },
+                pose=pose,
+                boxes=boxes.get(micros),
+                labelled=rows[:, 5] <= 0,
+            )
 
 
-def _frames(
-    path: Path, prefix: str, channels: int
-) -> Iterator[tuple[int, dict[int, NDArray[np.float32]]]]:
+def _returns(
+    number: int,
+    image: NDArray[np.float32],
+    pixel_poses: NDArray[np.float32] | None,
+    laser: _Laser,
+    world_from_vehicle: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Returns the first returns of one lidar, (N, 7), in the vehicle frame of the sweep.
+
+    The channels of its image (H, W, 4) are range (m), intensity, elongation, and 1 in a zone
+    without labels. `pixel_poses` (H, W, 6) are roll, pitch, yaw (rad), x, y, z (m) of the vehicle
+    in the world at the time of each pixel; None: the same time for all.
+    """
+    hit = image[..., 0] > 0
+    points = laser.points(image)[hit]
+    if pixel_poses is not None and len(points):
+        poses = pixel_poses[hit].astype(np.float64)
+        world = Rotation.from_euler("ZYX", poses[:, 2::-1]).apply(points) + poses[:, 3:6]
+        points = np.asarray(apply(invert(world_from_vehicle), world), dtype=np.float64)
+    return np.column_stack([points, image[hit][:, 1:4], np.full(len(points), number)])
+
+
+def _frames(path: Path, prefix: str) -> Iterator[tuple[int, dict[int, NDArray[np.float32]]]]:
     """Yields the images of each frame by the number of their lidar."""
     rows = _rows(path, [_STAMP, _LASER, f"{prefix}.values", f"{prefix}.shape"], batch_size=1)
-    last = -math.inf
     with reading(path):
         for micros, frame in groupby(rows, key=lambda row: int(row[0])):
-            if micros < last:
-                raise ValueError(f"its rows are not in the order of {_STAMP!r}")
-            last = micros
-            images = {
-                laser: _image(values, shape, channels)
-                for _, laser, values, shape in frame
-                if values is not None
-            }
-            yield micros, images
-
-
-def _image(values: ArrayLike, shape: Sequence[int], channels: int) -> NDArray[np.float32]:
-    """Flat values as an image (H, W, `channels` or more)."""
-    if len(shape) != 3 or shape[2] < channels:
-        raise ValueError(f"range image of shape {list(shape)}, expected (H, W, {channels})")
-    return np.asarray(values, dtype=np.float32).reshape(tuple(shape))
+            yield (
+                micros,
+                {
+                    laser: np.asarray(values, dtype=np.float32).reshape(tuple(shape))
+                    for _, laser, values, shape in frame
+                    if values is not None
+                },
+            )
 
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:
     """Yields the rows of a Parquet file, a batch in memory at a time, lists in them as arrays."""
-    with reading(path), require("pyarrow.parquet").ParquetFile(path) as file:
-        found = file.schema_arrow.names
-        missing = [name for name in columns if name not in found]
-        if missing:
-            raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
+    from pyarrow import parquet
+
+    with reading(path), parquet.ParquetFile(path) as file:
+        check_columns(file.schema_arrow.names, columns)
         # Where memory ends, the threads of Arrow abort the process.
         for batch in file.iter_batches(batch_size, columns=list(columns), use_threads=False):
             for number in range(batch.num_rows):
@@ -213,16 +170,12 @@ def _value(scalar: Any) -> Any:  # noqa: ANN401
     return scalar.as_py() if values is None else np.asarray(values)
 
 
-def _read_calibrations(path: Path) -> dict[int, LaserCalibration]:
+def _read_calibrations(path: Path) -> dict[int, _Laser]:
     angles = [f"{_CALIBRATION}.beam_inclination.{name}" for name in ("values", "min", "max")]
     columns = [_LASER, f"{_CALIBRATION}.extrinsic.transform", *angles]
     with reading(path):
         return {
-            laser: LaserCalibration(
-                rigid_pose(transform),
-                np.zeros(0) if values is None else np.asarray(values, dtype=np.float64),
-                (low, high),
-            )
+            laser: _Laser(rigid_pose(transform), values, (low, high))
             for laser, transform, values, low, high in _rows(path, columns)
         }
 

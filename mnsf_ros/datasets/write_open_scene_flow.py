@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
-from mnsf_ros.datasets.open_scene_flow import (
-    SweepGroup,
-    nanoseconds,
-    sweep_keys,
-)
+from mnsf_ros.datasets.open_scene_flow import array_of, group_of, h5_file, nanoseconds, sweep_keys
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import argoverse2_numbers
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
-from mnsf_ros.sweeps_io.files import new_file, require
+from mnsf_ros.sweeps_io.files import new_file
 
 # Data sets of a sweep that are no estimate.
 _SWEEP_KEYS: Final = ("lidar", "ground_mask", "pose")
@@ -100,13 +96,13 @@ class OpenSceneFlowWriter:
         if name is None:
             raise DatasetError(f"{self._path}: has no sweep of stamp {own.stamp_ns}")
         with reading(self._path, f"group {name!r}"):
-            known = SweepGroup(self._file, name)
-            points = known.array("lidar", np.float32)[:, :3]
+            group = group_of(self._file, name)
+            points = array_of(group, "lidar", np.float32)[:, :3]
         if len(points) != cloud.num_points or not np.allclose(
             points[cloud.rows], own.xyz, rtol=0.0, atol=_SAME_POINT_M
         ):
             raise DatasetError(f"{self._path}: group {name!r} has other points than the recording")
-        return known.group
+        return group
 
 
 @contextmanager
@@ -131,8 +127,8 @@ def open_scene_flow_writer(
     """
     if key in (*_SWEEP_KEYS, *_LABEL_KEYS) or not key or "/" in key:
         raise DatasetError(f"key {key!r}: is no name of an estimate")
-    with reading(path):
-        h5py = require("h5py")
+    import h5py
+
     is_new = not path.exists()
     if not is_new:
         sweep_keys(path)
@@ -181,8 +177,8 @@ def _write_indexes(folder: Path) -> None:
     for path in sorted(folder.glob("*.h5")):
         keys = sweep_keys(path)
         sweeps += [[path.stem, key] for key in keys]
-        with reading(path), require("h5py").File(path, "r") as file:
-            with_flow += [[path.stem, key] for key in keys if "flow" in SweepGroup(file, key)]
+        with reading(path), h5_file(path) as file:
+            with_flow += [[path.stem, key] for key in keys if "flow" in file[key]]
     for name, index in (("index_total.pkl", sweeps), ("index_flow.pkl", with_flow)):
         with new_file(folder / name, DatasetError, overwrite=True) as draft:
             draft.write_bytes(pickle.dumps(index))

@@ -1,21 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The layout of recordings on disk: their files and metadata.yaml."""
+"""The layout of recordings on disk: their files and metadata.yaml, read and written."""
 
 from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
-from typing import Any, Final, TypeVar
+from tempfile import TemporaryDirectory
+from typing import Any, Final
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from mnsf_ros.errors import RecordingError
-
-Kind = TypeVar("Kind")
 
 METADATA_NAME: Final = "metadata.yaml"
 MCAP: Final = ".mcap"
@@ -25,9 +23,6 @@ SUFFIXES: Final = (MCAP, ".db3", ROS1)
 _EXPECTED: Final = "a rosbag2 folder, or a .mcap, .db3 or .bag file"
 _END_BYTES: Final = 2**20
 _ROOT: Final = "rosbag2_bagfile_information"
-_MOST: Final = 2**63
-# That of 600 topics has it; what takes longest to parse takes 6 s.
-_METADATA_BYTES: Final = 2**19
 
 
 def stored_files(path: Path) -> list[Path]:
@@ -56,13 +51,9 @@ def recording_files(path: Path) -> list[Path]:
         RecordingError: There is no recording, or the files are of several kinds.
     """
     try:
-        if not path.exists():
-            raise RecordingError(f"{path}: no such file or folder; expected {_EXPECTED}")
-        files = stored_files(path)
-        if not files and not path.is_dir():
-            raise RecordingError(f"{path}: is not a recording; expected {_EXPECTED}")
+        files = stored_files(path) if path.exists() else []
         if not files:
-            raise RecordingError(f"{path}: holds no recording; {_content(sorted(path.iterdir()))}")
+            raise RecordingError(f"{path}: {_absence(path)}")
     except OSError as error:
         raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from error
     kinds = sorted({kind_of(file) for file in files})
@@ -73,18 +64,14 @@ def recording_files(path: Path) -> list[Path]:
     return files
 
 
-def _content(entries: list[Path]) -> str:
-    inside = [entry.name for entry in entries if (entry / METADATA_NAME).is_file()]
+def _absence(path: Path) -> str:
+    if not path.is_dir():
+        what = "is not a recording" if path.exists() else "no such file or folder"
+        return f"{what}; expected {_EXPECTED}"
+    inside = sorted(entry.name for entry in path.iterdir() if (entry / METADATA_NAME).is_file())
     if inside:
-        return f"there are recordings in its subfolders {_listed(inside)}: name one of them"
-    if not entries:
-        return "the folder is empty"
-    return f"it contains {_listed([entry.name for entry in entries])}"
-
-
-def _listed(names: list[str], limit: int = 5) -> str:
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(repr(name) for name in names[:limit]) + more
+        return f"there are recordings in its subfolders, such as {inside[0]!r}: name one of them"
+    return f"holds no recording; expected {_EXPECTED}"
 
 
 def fingerprint(path: Path) -> dict[str, Any]:
@@ -107,102 +94,121 @@ def fingerprint(path: Path) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class Metadata:
-    """Files and message counts listed in metadata.yaml."""
-
-    files: list[Path]
-    counts: Counter[str]
-
-
-def read_metadata(folder: Path) -> Metadata | None:
-    """Reads the metadata.yaml of a folder; None if it has none.
+def read_metadata(folder: Path) -> tuple[list[Path], Counter[str]]:
+    """Returns the files that the metadata.yaml of a folder lists, and its counts of messages.
 
     Raises:
-        OSError, ValueError, LookupError, TypeError, RecursionError: It cannot be read, or has
-            another content.
+        Exception: One of `UNREADABLE`: it cannot be read, or has another content.
     """
-    file = folder / METADATA_NAME
-    if not file.is_file():
-        return None
-    with file.open("rb") as stream:
-        data = stream.read(_METADATA_BYTES + 1)
-    if len(data) > _METADATA_BYTES:
-        raise ValueError(f"it has more than {_METADATA_BYTES} bytes")
-    try:
-        # Without types: a crafted number in base 60 takes a minute.
-        content = YAML(typ="base").load(data.decode())[_ROOT]
-    except YAMLError as error:
-        problem = getattr(error, "problem", None) or type(error).__name__
-        raise ValueError(f"YAML error: {problem}") from error
+    # Without types: a crafted number in base 60 takes a minute.
+    content = YAML(typ="base").load((folder / METADATA_NAME).read_text("utf-8"))[_ROOT]
     counts: Counter[str] = Counter()
     for topic in content["topics_with_message_count"]:
-        count = int(_typed(topic["message_count"], str))
-        if not 0 <= count < _MOST:
-            raise ValueError("a message_count is out of range")
-        counts[_typed(topic["topic_metadata"]["name"], str)] += count
+        counts[topic["topic_metadata"]["name"]] += int(topic["message_count"])
     # Whatever folders a path names, only this one is looked into, and once for each file.
-    names = [PurePath(_typed(path, str)).name for path in content["relative_file_paths"]]
-    return Metadata([folder / name for name in dict.fromkeys(names)], counts)
-
-
-def _typed(value: Any, kind: type[Kind]) -> Kind:  # noqa: ANN401 - of YAML
-    if not isinstance(value, kind):
-        raise TypeError(f"found a {type(value).__name__}, expected a {kind.__name__}")
-    return value
-
-
-@dataclass
-class WrittenTopic:
-    """A topic of a recording being written, with its channel in the mcap file."""
-
-    name: str
-    msgtype: str
-    type_hash: str
-    channel: int
-    count: int = 0
-
-    def described(self) -> dict[str, Any]:
-        """Returns its entry in metadata.yaml."""
-        return {
-            "topic_metadata": {
-                "name": self.name,
-                "type": self.msgtype,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": [],
-                "type_description_hash": self.type_hash,
-            },
-            "message_count": self.count,
-        }
+    names = [PurePath(path).name for path in content["relative_file_paths"]]
+    return [folder / name for name in dict.fromkeys(names)], counts
 
 
 def write_metadata(
-    file: Path, topics: Collection[WrittenTopic], first_ns: int, end_ns: int
+    file: Path, topics: Collection[Mapping[str, object]], first_ns: int, end_ns: int, count: int
 ) -> None:
-    """Writes the metadata.yaml for a folder with one mcap file, beside it.
+    """Writes the metadata.yaml of a folder with one mcap file, beside it.
+
+    Args:
+        file: The mcap file.
+        topics: Entries of its topics.
+        first_ns: Receive time of the first message.
+        end_ns: Receive time of the last message.
+        count: Number of messages.
 
     Raises:
         OSError: It cannot be written.
     """
-    extent = {
-        "starting_time": {"nanoseconds_since_epoch": first_ns},
-        "duration": {"nanoseconds": end_ns - first_ns},
-        "message_count": sum(topic.count for topic in topics),
-    }
+
+    def extent() -> dict[str, object]:
+        return {
+            "starting_time": {"nanoseconds_since_epoch": first_ns},
+            "duration": {"nanoseconds": end_ns - first_ns},
+            "message_count": count,
+        }
+
     content = {
         "version": 9,
         "storage_identifier": "mcap",
         "relative_file_paths": [file.name],
-        **extent,
-        "topics_with_message_count": [topic.described() for topic in topics],
+        **extent(),
+        "topics_with_message_count": topics,
         "compression_format": "",
         "compression_mode": "",
-        "files": [{"path": file.name, **extent}],
+        "files": [{"path": file.name, **extent()}],
         "custom_data": None,
         "ros_distro": "jazzy",
     }
     yaml = YAML(typ="safe")
     yaml.default_flow_style = False
-    # The same table may occur twice: written twice, not as a reference.
-    yaml.representer.ignore_aliases = lambda _: True
     yaml.dump({_ROOT: content}, file.with_name(METADATA_NAME))
+
+
+@contextmanager
+def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Draft of a recording; moved to `path` when the block ends well, else removed.
+
+    Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
+    there. With `overwrite` a recording that is there already is replaced, at the very end.
+
+    Raises:
+        RecordingError: Something is there already that may not be replaced.
+        OSError: The folder cannot be made or moved.
+    """
+    check_target(path, overwrite=overwrite)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    is_file, prefix = path.suffix == MCAP, f".{path.name}."
+    with TemporaryDirectory(prefix=prefix, suffix=".partial", dir=path.parent) as temporary:
+        draft = Path(temporary, path.stem if is_file else path.name)
+        yield draft
+        if is_file:
+            (draft,) = draft.glob(f"*{MCAP}")
+        check_target(path, overwrite=overwrite)
+        replaced = Path(temporary, f"{path.name}.replaced")
+        if path.exists():
+            path.rename(replaced)
+        try:
+            draft.rename(path)
+        except BaseException:
+            if replaced.exists():
+                replaced.rename(path)
+            raise
+
+
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Checks the target of a recording before any work is done.
+
+    Raises:
+        RecordingError: Something is there already that may not be replaced.
+    """
+    if not path.name:
+        raise RecordingError(f"{str(path)!r}: is not the name of a folder, expected one to write")
+    if path.suffix == MCAP and path.is_dir():
+        raise RecordingError(f"{path}: is a folder, expected a file")
+    if path.suffix in SUFFIXES and path.suffix != MCAP:
+        raise RecordingError(f"{path}: a recording is a folder: leave out {path.suffix!r}")
+    if not path.exists() and not path.is_symlink():
+        return
+    if not overwrite:
+        raise RecordingError(f"{path}: exists already; --force replaces it")
+    if path.suffix == MCAP:
+        return
+    # A wrong path must not cost anybody their other files.
+    others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
+    if others:
+        raise RecordingError(f"{path}: is not replaced: not a recording, or it holds {others[0]!r}")
+
+
+def _other_files(folder: Path) -> list[str]:
+    return sorted(
+        entry.name
+        for entry in folder.iterdir()
+        if not entry.is_file()
+        or (entry.name != METADATA_NAME and entry.suffix not in (*SUFFIXES, COMPRESSED))
+    )

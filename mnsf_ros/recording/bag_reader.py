@@ -7,6 +7,7 @@ import copy
 import math
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import chain
@@ -14,20 +15,19 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
-from mnsf_ros.errors import RecordingError
+from mnsf_ros.errors import UNREADABLE, RecordingError
 from mnsf_ros.recording.bag_files import (
     COMPRESSED,
     MCAP,
     METADATA_NAME,
     ROS1,
-    Metadata,
     read_metadata,
     recording_files,
 )
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, known_topic
-from mnsf_ros.recording.damage import UNREADABLE, Damage, unfit_counts
+from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, jazzy, known_topic
+from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.mcap_file import McapFile
-from mnsf_ros.recording.ros1_file import Ros1File, jazzy
+from mnsf_ros.recording.ros1_file import Ros1File
 from mnsf_ros.recording.sqlite_file import SqliteFile
 
 if sys.version_info >= (3, 14):
@@ -96,8 +96,7 @@ class BagReader:
             RecordingError: It is missing, empty or not a recording, or nothing of it can be read.
         """
         with ExitStack() as stack:
-            metadata, damages = _metadata_of(self.path)
-            paths = recording_files(self.path) if metadata is None else metadata.files
+            paths, promised, damages = _listed(self.path)
             self._files, unreadable = _opened(paths, stack)
             damages += [*unreadable, *chain(*(one.damages for one in self._files))]
             if not self._files:
@@ -110,8 +109,11 @@ class BagReader:
             if not any(counts.values()):
                 causes = map(str, (f"{self.path}: holds no messages", *damages[:1]))
                 raise RecordingError("; ".join(causes))
-            if metadata is not None:
-                damages += unfit_counts(self.path / METADATA_NAME, metadata.counts, counts)
+            promised = Counter(counts) if promised is None else promised
+            for topic in sorted({*promised, *counts}):
+                if (number := promised[topic]) != (stored := counts.get(topic, 0)):
+                    text = f"promises {number} messages on {topic!r}, {stored} are stored"
+                    damages.append(Damage(str(self.path / METADATA_NAME), "", text))
             self.damages = tuple(damages)
             self.has_checksums = all(one.has_checksums for one in self._files)
             self._stack = stack.pop_all()
@@ -209,12 +211,15 @@ def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[Ba
         yield reader
 
 
-def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:
-    """Content of metadata.yaml, or the damage of one that cannot be read."""
-    try:
-        return read_metadata(path), []
-    except UNREADABLE as error:
-        return None, [Damage.of(path / METADATA_NAME, "", error, "cannot be read")]
+def _listed(path: Path) -> tuple[list[Path], Counter[str] | None, list[Damage]]:
+    """Files, promised counts of messages, if any, and the damage of an unreadable metadata.yaml."""
+    damages = []
+    if (path / METADATA_NAME).is_file():
+        try:
+            return *read_metadata(path), []
+        except UNREADABLE as error:
+            damages = [Damage.of(path / METADATA_NAME, "", error, "cannot be read")]
+    return recording_files(path), None, damages
 
 
 def _opened(paths: list[Path], stack: ExitStack) -> tuple[list[StorageFile], list[Damage]]:

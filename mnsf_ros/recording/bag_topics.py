@@ -6,8 +6,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
+
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import RecordingError
 
@@ -21,9 +25,14 @@ ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
 LIDAR_FRAME: Final = "lidar"
 ODOMETRY_FRAME: Final = "odom"
 
-
 # Older recorders write the number of the enumeration.
 _LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b""")
+
+
+@cache
+def jazzy() -> Typestore:
+    """The message types of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def has_latched_profile(profiles: str) -> bool:

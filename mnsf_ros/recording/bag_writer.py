@@ -3,27 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.stores import ros2_jazzy as ros
 
-from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import (
-    MCAP,
-    METADATA_NAME,
-    SUFFIXES,
-    WrittenTopic,
-    write_metadata,
-)
-from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
+from mnsf_ros.errors import UNREADABLE, RecordingError, reason
+from mnsf_ros.geometry.transforms import pose_quaternion
+from mnsf_ros.recording.bag_files import new_folder, write_metadata
 from mnsf_ros.recording.bag_topics import (
     CLOUD_TYPE,
     ODOMETRY_FRAME,
@@ -31,15 +25,39 @@ from mnsf_ros.recording.bag_topics import (
     POINTS_TOPIC,
     TRUTH_FLOW_TOPIC,
     TRUTH_ODOMETRY_TOPIC,
+    jazzy,
 )
-from mnsf_ros.recording.damage import reason
-from mnsf_ros.recording.flow_truth import FlowTruth
-from msg_utils.cloud_layout import EncodedCloud
-from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import encode_columns
+from mnsf_ros.recording.flow_truth import TrueSweep
+from msg_utils.cdr import serialized_cloud
+from msg_utils.cloud_layout import CloudEncoding
+from msg_utils.errors import checked_integer
+from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.stamps import encode_stamp
 
 _LATEST_NS: Final = 2**63 - 1
-_REPLACEABLE_SUFFIXES: Final = (*SUFFIXES, ".zstd")
+
+
+@dataclass
+class _WrittenTopic:
+    """A topic with its channel in the mcap file."""
+
+    name: str
+    msgtype: str
+    channel: int
+    count: int = 0
+
+    def described(self) -> dict[str, object]:
+        """Returns its entry in metadata.yaml."""
+        return {
+            "topic_metadata": {
+                "name": self.name,
+                "type": self.msgtype,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": [],
+                "type_description_hash": jazzy().hash_rihs01(self.msgtype),
+            },
+            "message_count": self.count,
+        }
 
 
 class BagWriter:
@@ -64,8 +82,7 @@ class BagWriter:
         self.path = Path(path)
         self._overwrite = overwrite
         self._compression = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._topics: dict[str, WrittenTopic] = {}
+        self._topics: dict[str, _WrittenTopic] = {}
         self._first_ns, self._end_ns = _LATEST_NS, 0
         self._file = self.path
         self._writer: McapWriter | None = None
@@ -107,12 +124,11 @@ class BagWriter:
         """
         if self._writer is None:
             raise RecordingError(f"{self.path}: is not open for writing")
-        if not 0 <= stamp_ns <= _LATEST_NS:
-            raise RecordingError(
-                f"{self.path}: cannot write stamp {stamp_ns} ns, expected 0 to {_LATEST_NS}"
-            )
         with self._guarded():
-            written = self._topic(self._writer, topic, msgtype)
+            written = self._topics.get(topic) or self._added(self._writer, topic, msgtype)
+            if written.msgtype != msgtype:
+                raise ValueError(f"topic {topic!r} holds {written.msgtype}, got {msgtype}")
+            checked_integer(stamp_ns, "stamp", _LATEST_NS)
             self._writer.add_message(written.channel, stamp_ns, bytes(raw), stamp_ns)
         written.count += 1
         self._first_ns = min(self._first_ns, stamp_ns)
@@ -121,7 +137,7 @@ class BagWriter:
     def write_cloud(
         self,
         topic: str,
-        cloud: EncodedCloud,
+        cloud: CloudEncoding,
         stamp_ns: int,
         frame_id: str,
         *,
@@ -133,31 +149,27 @@ class BagWriter:
             RecordingError: The stamp does not fit a ROS message, or writing fails.
         """
         with self._guarded():
-            message = cloud_message(cloud, stamp_ns, frame_id, is_dense=is_dense)
-        self._write(topic, CLOUD_TYPE, stamp_ns, message)
+            raw = serialized_cloud(_header(stamp_ns, frame_id), cloud, is_dense=is_dense)
+        self.write_raw(topic, CLOUD_TYPE, stamp_ns, raw)
 
-    def write_sweep(
-        self,
-        xyz: NDArray[np.float32],
-        columns: Mapping[str, NDArray[Any]],
-        truth: FlowTruth,
-        pose: NDArray[np.floating[Any]] | None,
-        frame_id: str,
-    ) -> None:
-        """Adds a sweep on the usual topics: points (N, 3) with more columns (N,), truth and pose.
+    def write_sweep(self, sweep: TrueSweep, frame_id: str) -> None:
+        """Adds a sweep on the usual topics, with its truth and its pose.
 
         Raises:
             RecordingError: The numbers of points differ, or writing fails.
         """
-        stamp_ns, axes = truth.stamp_ns, {name: xyz[:, axis] for axis, name in enumerate("xyz")}
-        points = encode_columns({**axes, **columns}, 1, len(xyz))
+        xyz, truth = sweep.xyz, sweep.truth
+        axes = {name: xyz[:, axis] for axis, name in enumerate("xyz")}
+        points = encoding_of_columns({**axes, **sweep.columns}, 1, len(xyz))
         is_dense = bool(np.isfinite(xyz).all())
         is_known = is_dense and bool(truth.valid.all())
-        self.write_cloud(POINTS_TOPIC, points, stamp_ns, frame_id, is_dense=is_dense)
+        self.write_cloud(POINTS_TOPIC, points, truth.stamp_ns, frame_id, is_dense=is_dense)
         flow = truth.encode(xyz)
-        self.write_cloud(TRUTH_FLOW_TOPIC, flow, stamp_ns, frame_id, is_dense=is_known)
-        if pose is not None:
-            self.write_odometry(TRUTH_ODOMETRY_TOPIC, pose, stamp_ns, ODOMETRY_FRAME, frame_id)
+        self.write_cloud(TRUTH_FLOW_TOPIC, flow, truth.stamp_ns, frame_id, is_dense=is_known)
+        if sweep.pose is not None:
+            self.write_odometry(
+                TRUTH_ODOMETRY_TOPIC, sweep.pose, truth.stamp_ns, ODOMETRY_FRAME, frame_id
+            )
 
     def write_odometry(
         self,
@@ -170,30 +182,31 @@ class BagWriter:
         """Adds the (4, 4) pose, metres, of the child frame in `frame_id`; the velocity is zero.
 
         Raises:
-            RecordingError: The stamp does not fit a ROS message, or writing fails.
+            RecordingError: The stamp does not fit a ROS message, the pose is no rigid motion, or
+                writing fails.
         """
         with self._guarded():
-            message = odometry_message(pose, stamp_ns, frame_id, child_frame_id)
-        self._write(topic, ODOMETRY_TYPE, stamp_ns, message)
-
-    def _write(self, topic: str, msgtype: str, stamp_ns: int, message: object) -> None:
-        self.write_raw(topic, msgtype, stamp_ns, self._typestore.serialize_cdr(message, msgtype))
-
-    def _topic(self, writer: McapWriter, name: str, msgtype: str) -> WrittenTopic:
-        known = self._topics.get(name)
-        if known is not None and known.msgtype == msgtype:
-            return known
-        if known is not None:
-            raise RecordingError(
-                f"{self.path}: topic {name!r} holds {known.msgtype}, cannot add {msgtype}"
+            qx, qy, qz, qw = pose_quaternion(pose)
+            still = ros.geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0)
+            twist = ros.geometry_msgs__msg__Twist(linear=still, angular=still)
+            matrix = ros.geometry_msgs__msg__Pose(
+                position=ros.geometry_msgs__msg__Point(*map(float, pose[:3, 3])),
+                orientation=ros.geometry_msgs__msg__Quaternion(x=qx, y=qy, z=qz, w=qw),
             )
-        if msgtype not in self._typestore.types:
-            raise RecordingError(f"{self.path}: {msgtype!r} is not a message type of ROS 2 Jazzy")
-        definition, _ = self._typestore.generate_msgdef(msgtype, ros_version=2)
+            message = ros.nav_msgs__msg__Odometry(
+                header=_header(stamp_ns, frame_id),
+                child_frame_id=child_frame_id,
+                pose=ros.geometry_msgs__msg__PoseWithCovariance(matrix, covariance=np.zeros(36)),
+                twist=ros.geometry_msgs__msg__TwistWithCovariance(twist, covariance=np.zeros(36)),
+            )
+            raw = jazzy().serialize_cdr(message, ODOMETRY_TYPE)
+        self.write_raw(topic, ODOMETRY_TYPE, stamp_ns, raw)
+
+    def _added(self, writer: McapWriter, name: str, msgtype: str) -> _WrittenTopic:
+        definition, _ = jazzy().generate_msgdef(msgtype, ros_version=2)
         schema = writer.register_schema(msgtype, "ros2msg", definition.encode())
         channel = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": ""})
-        type_hash = self._typestore.hash_rihs01(msgtype)
-        self._topics[name] = WrittenTopic(name, msgtype, type_hash, channel)
+        self._topics[name] = _WrittenTopic(name, msgtype, channel)
         return self._topics[name]
 
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -201,77 +214,23 @@ class BagWriter:
         if kind is not None or writer is None:
             return
         if not self._topics:
-            raise RecordingError(f"{self.path}: nothing was written, so there is no recording")
+            raise ValueError("nothing was written, so there is no recording")
         writer.finish()  # type: ignore[no-untyped-call]
-        write_metadata(self._file, self._topics.values(), self._first_ns, self._end_ns)
+        topics = self._topics.values()
+        count = sum(topic.count for topic in topics)
+        described = [topic.described() for topic in topics]
+        write_metadata(self._file, described, self._first_ns, self._end_ns, count)
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
         try:
             yield
-        except (OSError, MessageError) as error:
+        except RecordingError:
+            raise
+        except UNREADABLE as error:
             raise RecordingError(f"{self.path}: cannot be written: {reason(error)}") from error
 
 
-@contextmanager
-def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Draft of a recording; moved to `path` when the block ends well, else removed.
-
-    Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
-    there. With `overwrite` a recording that is there already is replaced, at the very end.
-
-    Raises:
-        RecordingError: Something is there already that may not be replaced.
-        OSError: The folder cannot be made or moved.
-    """
-    check_target(path, overwrite=overwrite)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    is_file, prefix = path.suffix == MCAP, f".{path.name}."
-    with TemporaryDirectory(prefix=prefix, suffix=".partial", dir=path.parent) as temporary:
-        draft = Path(temporary, path.stem if is_file else path.name)
-        yield draft
-        if is_file:
-            (draft,) = draft.glob(f"*{MCAP}")
-        check_target(path, overwrite=overwrite)
-        replaced = Path(temporary, f"{path.name}.replaced")
-        if path.exists():
-            path.rename(replaced)
-        try:
-            draft.rename(path)
-        except BaseException:
-            if replaced.exists():
-                replaced.rename(path)
-            raise
-
-
-def check_target(path: Path, *, overwrite: bool) -> None:
-    """Checks the target of a recording before any work is done.
-
-    Raises:
-        RecordingError: Something is there already that may not be replaced.
-    """
-    if not path.name:
-        raise RecordingError(f"{str(path)!r}: is not the name of a folder, expected one to write")
-    if path.suffix == MCAP and path.is_dir():
-        raise RecordingError(f"{path}: is a folder, expected a file")
-    if path.suffix in SUFFIXES and path.suffix != MCAP:
-        raise RecordingError(f"{path}: a recording is a folder: leave out {path.suffix!r}")
-    if not path.exists() and not path.is_symlink():
-        return
-    if not overwrite:
-        raise RecordingError(f"{path}: exists already; --force replaces it")
-    if path.suffix == MCAP:
-        return
-    # A wrong path must not cost anybody their other files.
-    others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
-    if others:
-        raise RecordingError(f"{path}: is not replaced: not a recording, or it holds {others[0]!r}")
-
-
-def _other_files(folder: Path) -> list[str]:
-    return sorted(
-        entry.name
-        for entry in folder.iterdir()
-        if not entry.is_file()
-        or (entry.name != METADATA_NAME and entry.suffix not in _REPLACEABLE_SUFFIXES)
-    )
+def _header(stamp_ns: int, frame_id: str) -> ros.std_msgs__msg__Header:
+    stamp = ros.builtin_interfaces__msg__Time(*encode_stamp(stamp_ns))
+    return ros.std_msgs__msg__Header(stamp=stamp, frame_id=frame_id)

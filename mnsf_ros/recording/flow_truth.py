@@ -1,9 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""True flow of a sweep in a recording, see `docs/recordings.md`."""
+"""True flow of a sweep, and the sweep with it, see `docs/recordings.md`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -11,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
+from msg_utils.cloud_layout import CloudEncoding, PointCloudLike
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, encode_columns
+from msg_utils.point_cloud2 import decode_points, encoding_of_columns
 from msg_utils.stamps import decode_stamp
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
@@ -77,7 +78,7 @@ class FlowTruth:
         known = {name: getattr(self, name) for name in names}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
-    def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
+    def encode(self, xyz: NDArray[np.floating[Any]]) -> CloudEncoding:
         """Returns the truth and the (N, 3) points, metres, as a cloud that viewers can show.
 
         Raises:
@@ -93,7 +94,7 @@ class FlowTruth:
         columns |= {name: getattr(self, name).astype(np.uint8) for name in _FLAGS}
         if self.object_id is not None:
             columns[_OBJECT] = self.object_id.astype(np.uint32)
-        return encode_columns(columns, 1, len(self))
+        return encoding_of_columns(columns, 1, len(self))
 
     @classmethod
     def decode(cls, message: PointCloudLike) -> FlowTruth:
@@ -134,3 +135,20 @@ class FlowTruth:
         class_id = points["class_id"].astype(np.uint8)
         object_id = points[_OBJECT].astype(np.uint32) if _OBJECT in names else None
         return cls(stamp_ns, flow, valid, dynamic, ground, class_id, object_id)
+
+
+@dataclass(frozen=True, eq=False)
+class TrueSweep:
+    """A sweep with its truth, as a recording holds it.
+
+    Attributes:
+        xyz: (N, 3) float32 metres, in the frame of the sensor.
+        truth: True flow, row for row; its stamp is that of the sweep.
+        columns: Further columns of the cloud: name to (N,).
+        pose: (4, 4) world_from_sensor at the stamp; None if unknown.
+    """
+
+    xyz: NDArray[np.float32]
+    truth: FlowTruth
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    pose: NDArray[np.floating[Any]] | None = None

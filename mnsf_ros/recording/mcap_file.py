@@ -20,8 +20,9 @@ from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Message, S
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
+from mnsf_ros.errors import UNREADABLE
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.damage import UNREADABLE, Damage
+from mnsf_ros.recording.damage import Damage
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 # Opcode and length, two offsets and a checksum, and the mark of the end.

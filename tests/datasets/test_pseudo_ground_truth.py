@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
 from mnsf_ros.datasets.surface_classes import (
     ARGOVERSE1,
@@ -142,15 +142,15 @@ def test_given_flow_is_kept_and_what_it_lacks_is_found():
         (None, None),  # by what most points do
         (tiny_world.pose(5, 5, 5, 5), still),  # by what comes with it, whatever the poses say
     ):
-        given = GivenFlow(flow, valid, next_from_current=motion)
-        sweep = labelled(0, given=given, pose=pose, boxes=None)
+        given = {"flow": flow, "flow_valid": valid, "next_from_current": motion}
+        sweep = labelled(0, **given, pose=pose, boxes=None)
         truth = sweep_truth(sweep, labelled(1), SETTINGS)
         assert np.array_equal(truth.flow, flow)
         assert np.array_equal(truth.valid, valid)
         assert np.array_equal(truth.dynamic, moving & valid)
     classes = np.full(len(xyz), 3, np.uint8)
-    given = GivenFlow(flow, valid, dynamic=~moving, class_id=classes)
-    truth = sweep_truth(labelled(0, given=given), labelled(1), SETTINGS)
+    given = labelled(0, flow=flow, flow_valid=valid, dynamic=~moving, class_id=classes)
+    truth = sweep_truth(given, labelled(1), SETTINGS)
     assert np.array_equal(truth.dynamic, ~moving & valid)
     assert np.array_equal(truth.class_id, classes)
 

@@ -13,7 +13,6 @@ import tiny_world
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.conversion import open_source
-from mnsf_ros.datasets.waymo import LaserCalibration, LaserReturns, waymo_sweep
 from mnsf_ros.errors import DatasetError
 
 HEIGHT, WIDTH = 5, 12
@@ -169,11 +168,10 @@ FRAME = f"frame {tiny_world.stamp_ns(0) // 1000}: "
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({name: ROWS[name][::-1] for name in ("lidar", "lidar_pose")}, "not in the order of 'key."),
         ({"lidar_pose": ROWS["lidar_pose"][:1]}, "has no pose in .*lidar_pose"),
         ({"vehicle_pose": [{"a": 1}]}, r"has no column .*\[VehiclePoseComponent\]"),
         ({"lidar_calibration": FEW_ANGLES}, "rows for 3 inclinations"),
-        ({"lidar_calibration": FEW_ANGLES[:1]}, "cannot be read: it has no 2"),
+        ({"lidar_calibration": ROWS["lidar_calibration"][:1]}, "cannot be read: it has no 2"),
         (with_first("lidar_box", **{f"{BOX}.size.x": None}), f"{FRAME}.*its size is"),
         (with_first("lidar_box", **{f"{BOX}.heading": math.nan}), f"{FRAME}.*no rigid motion"),
         (with_first("lidar_box", **{f"{BOX}.heading": None}), f"{FRAME}must be real number"),
@@ -188,17 +186,33 @@ def test_parquet_files_that_do_not_fit_are_named(tmp_path, changes, message):
     tiny_world.check_refused("waymo", write_split(tmp_path), "lidar/one.parquet", 999, "cannot be")
 
 
-def test_evenly_spread_rows_and_zones_without_labels():
-    level = LaserCalibration(np.eye(4), np.zeros(0), (-0.2, 0.2))
-    image = np.full((2, 4, 4), -1, np.float32)
+def test_evenly_spread_rows_and_zones_without_labels(tmp_path):
+    image, key = np.full((2, 4, 4), -1, np.float32), {"key.frame_timestamp_micros": 5}
     image[:, :, 0], image[1, :, 3] = 10, 1
-    sweep = waymo_sweep(5000, np.eye(4), [LaserReturns(1, image, None, level)], ())
+    level = calibration_row(1, None)
+    level["[LiDARCalibrationComponent].beam_inclination.min"] = -0.2
+    level["[LiDARCalibrationComponent].beam_inclination.max"] = 0.2
+    level["[LiDARCalibrationComponent].extrinsic.transform"] = np.eye(4).ravel().tolist()
+    # A frame without returns is an empty sweep.
+    keys = [{**key, "key.laser_name": 1}, {"key.frame_timestamp_micros": 6, "key.laser_name": 1}]
+    source = write_split(
+        tmp_path,
+        lidar=[
+            one | columns("LiDARComponent", values)
+            for one, values in zip(keys, (image, np.zeros_like(image)), strict=True)
+        ],
+        lidar_pose=[one | columns("LiDARPoseComponent", np.zeros((2, 4, 6))) for one in keys],
+        lidar_calibration=[level],
+        vehicle_pose=[
+            {"key.frame_timestamp_micros": micros, VEHICLE: np.eye(4).ravel().tolist()}
+            for micros in (5, 6)
+        ],
+    )
+    sweep, empty = open_source("waymo", source).sweeps
+    assert len(empty) == 0
     assert sweep.labelled.tolist() == [True] * 4 + [False] * 4
     for row, column in itertools.product(range(2), range(4)):
         x, y, z = sweep.xyz[4 * row + column]
         # The upper half of the angles comes first, and columns go clockwise from the back.
         assert math.asin(z / 10) == pytest.approx((0.1, -0.1)[row], abs=1e-6)
         assert math.degrees(math.atan2(y, x)) == pytest.approx(135 - 90 * column, abs=1e-4)
-    # A frame without returns is an empty sweep.
-    empty = LaserReturns(1, np.zeros((2, 4, 4), np.float32), np.zeros((2, 4, 6)), level)
-    assert [len(waymo_sweep(5, np.eye(4), lasers, ())) for lasers in ([], [empty])] == [0, 0]

@@ -19,7 +19,8 @@ from mnsf_ros.sweeps.sweep import Sweep
 
 
 def seconds(sweep):
-    return None if sweep.times_ns is None else (sweep.times_ns / 1e9).astype(np.float32)
+    times_ns = sweep.columns.get("t")
+    return None if times_ns is None else (times_ns / 1e9).astype(np.float32)
 
 
 STREET = SimulationSettings(duration_s=3.0, num_beams=32, num_columns=1400)
@@ -50,13 +51,13 @@ def test_the_error_of_a_step_is_small_and_as_likely_as_its_covariance_says(setti
     simulator, ego_motion = SweepSimulator(settings), EgoMotion(EgoMotionSettings())
     sweeps = [simulator.sweep(index) for index in range(11)]
     found = [
-        ego_motion.pose_of(Sweep(sweep.xyz, sweep.stamp_ns, times_s=seconds(sweep)))
+        ego_motion.pose_of(Sweep(sweep.xyz, sweep.truth.stamp_ns, times_s=seconds(sweep)))
         for sweep in sweeps
     ]
     errors_m, squared = [], []
     for (before, after), (was, is_) in zip(pairwise(found), pairwise(sweeps), strict=True):
         step = np.linalg.inv(before.world_from_sensor) @ after.world_from_sensor
-        true = np.linalg.inv(was.world_from_sensor) @ is_.world_from_sensor
+        true = np.linalg.inv(was.pose) @ is_.pose
         error = (step - true)[:2, 3]
         errors_m.append(distance_m(step, true))
         squared.append(error @ np.linalg.solve(after.step_covariance[:2, :2], error))

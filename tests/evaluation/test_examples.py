@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import small_evaluations as small
+from bag_messages import cloud_message
 from box_street import pose
 
 from mnsf_ros.evaluation.examples import ExampleBuilder, kept_points, read_examples
@@ -17,7 +18,6 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack, in_stamp_order
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.methods import make_method
-from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import Settings
 
 

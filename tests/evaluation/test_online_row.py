@@ -17,8 +17,8 @@ from mnsf_ros.evaluation.tracks import recorded_sweeps
 from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
-from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import write_recording
 
 
 @pytest.fixture(scope="module")

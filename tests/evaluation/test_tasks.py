@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import small_evaluations as small
+from bag_messages import cloud_cdr
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.findings import Event
@@ -14,10 +15,9 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.results import FinishedTask
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
-from msg_utils.point_cloud2 import encode_columns
+from msg_utils.point_cloud2 import encoding_of_columns
 
 
 @pytest.fixture(scope="module")
@@ -111,17 +111,11 @@ def test_methods_get_the_seed_and_a_fixed_number_of_threads():
 
 
 def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    kind = "sensor_msgs/msg/PointCloud2"
     with BagWriter(tmp_path / "bag") as writer:
         for index in range(3):
-            points = small.xyz(index)
-            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
-            message = cloud_message(encode_columns(columns, 1, 60), 0, "lidar", is_dense=True)
-            raw = store.serialize_cdr(message, kind)
-            writer.write_raw("/points", kind, small.stamp(index), raw)
+            columns = dict(zip("xyz", small.xyz(index).T, strict=True))
+            raw = cloud_cdr(encoding_of_columns(columns, 1, 60), 0)
+            writer.write_raw("/points", "sensor_msgs/msg/PointCloud2", small.stamp(index), raw)
     *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
     assert [row.stamp_ns for row in rows] == [small.stamp(1)]
     assert findings.counts == {Event.SWEEPS_UNSTAMPED: 3}

@@ -1,19 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Settings and metadata.yaml of any content: a value that fits, or an error of one line."""
+"""Settings of any value: one that fits, or an error of one line."""
 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ruamel.yaml import YAML
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.recording.bag_files import read_metadata
-from mnsf_ros.recording.damage import UNREADABLE
 from mnsf_ros.settings import Settings, declared_settings
 
 ANYTHING = st.recursive(
@@ -42,33 +37,3 @@ def test_a_setting_takes_what_fits_and_refuses_the_rest_in_one_line(setting, val
         assert math.isfinite(kept)
         assert setting.minimum is None or setting.minimum <= kept <= setting.maximum
     assert kept == value
-
-
-KEYS = (
-    *("version", "storage_identifier", "relative_file_paths", "starting_time", "duration"),
-    *("message_count", "topics_with_message_count", "compression_mode", "files"),
-)
-WHOLE = {
-    "version": 9,
-    "storage_identifier": "mcap",
-    "relative_file_paths": ["a.mcap"],
-    "starting_time": {"nanoseconds_since_epoch": 1},
-    "duration": {"nanoseconds": 1},
-    "message_count": 1,
-    "topics_with_message_count": [],
-}
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("metadata")
-
-
-@given(st.dictionaries(st.sampled_from(KEYS), ANYTHING, max_size=3))
-def test_metadata_with_values_of_any_type(folder, changes):
-    """It is read, or raises an error that the reader of recordings expects."""
-    yaml = YAML(typ="safe")
-    with (folder / "metadata.yaml").open("wb") as file:
-        yaml.dump({"rosbag2_bagfile_information": WHOLE | changes}, file)
-    with suppress(*UNREADABLE):
-        read_metadata(folder)

@@ -16,7 +16,7 @@ from msg_utils.point_cloud2 import (
     clash_names,
     decode_points,
     decode_xyz,
-    encode_columns,
+    encoding_of_columns,
     encoding_with_columns,
 )
 
@@ -56,7 +56,7 @@ class TestColumnsAlone:
         columns["intensity"] = np.array([7, 8], np.uint8)
         columns["ring"] = np.array([513, 9], np.uint16)
         columns["time"] = np.array([0.1, 0.2])
-        encoded = encode_columns(columns, 2, 1)
+        encoded = encoding_of_columns(columns, 2, 1).encoded()
         others = [("intensity", 12, 2, 1), ("ring", 13, 4, 1), ("time", 15, 8, 1)]
         assert as_tuples(encoded) == [*XYZ, *others]
         assert (encoded.height, encoded.width, encoded.is_bigendian) == (2, 1, False)
@@ -71,10 +71,10 @@ class TestColumnsAlone:
     def test_sizes_that_no_message_can_state_are_refused(self):
         text = "width is -1, expected an integer from 0 to 4294967295"
         with pytest.raises(MessageError, match=f"^{text}$"):
-            encode_columns({}, 1, -1)
+            encoding_of_columns({}, 1, -1).encoded()
         text = "encoded row_step is 17179869180, expected an integer from 0 to 4294967295"
         with pytest.raises(MessageError, match=f"^{text}$"):
-            encode_columns({"x": floats()}, 0, 2**32 - 1)
+            encoding_of_columns({"x": floats()}, 0, 2**32 - 1).encoded()
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_columns_that_do_not_fit_are_refused(make_cloud, columns, text):
     with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
         encode_with_columns(cloud, columns)
     with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
-        encode_columns(columns, 2, 1)
+        encoding_of_columns(columns, 2, 1).encoded()
 
 
 class TestCloudWithColumns:

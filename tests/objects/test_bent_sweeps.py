@@ -78,7 +78,7 @@ def test_objects_are_where_they_are_at_the_stamp(street):
             bodies = true.body[(ids == item.track_id) & true.dynamic]
             if item.num_points < 30 or len(bodies) < item.num_points / 2:
                 continue
-            body = simulator.scene.bodies[np.bincount(bodies).argmax()]
+            body = simulator.scene.bodies[np.bincount(bodies).argmax() - 1]
             pose = np.linalg.inv(true.pose) @ body.world_from_body(index * 0.1)
             # Which side of the body is seen decides where its middle seems to be.
             offset = np.linalg.inv(pose[:3, :3]) @ (item.center - pose[:3, 3])

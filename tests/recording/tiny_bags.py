@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+from bag_messages import cloud_cdr
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -11,9 +12,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
-from msg_utils.point_cloud2 import encode_columns
+from msg_utils.point_cloud2 import encoding_of_columns
 from msg_utils.stamps import decode_stamp
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -33,17 +33,13 @@ def xyz(index, num_points=50):
 
 
 def encoded(points):
-    return encode_columns(
+    return encoding_of_columns(
         {name: points[:, axis] for axis, name in enumerate("xyz")}, 1, len(points)
     )
 
 
-def cloud(index, num_points=50):
-    return cloud_message(encoded(xyz(index, num_points)), stamp(index), "lidar", is_dense=True)
-
-
 def cdr(index, num_points=50):
-    return JAZZY.serialize_cdr(cloud(index, num_points), CLOUD_TYPE)
+    return cloud_cdr(encoded(xyz(index, num_points)), stamp(index))
 
 
 def write_ros2(path, plugin, mode=CompressionMode.NONE, *, indices=range(NUM_CLOUDS), size=50):

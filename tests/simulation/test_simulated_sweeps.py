@@ -50,7 +50,7 @@ def exact_street(**changes):
 
 def moments(simulator, sweep, index):
     """Time of each moment at which points were measured, and their rows."""
-    times_ns = np.zeros(len(sweep.xyz)) if sweep.times_ns is None else sweep.times_ns
+    times_ns = sweep.columns.get("t", np.zeros(len(sweep.xyz)))
     for after_ns in np.unique(times_ns):
         yield index * simulator.interval_s + after_ns * 1e-9, np.flatnonzero(times_ns == after_ns)
 
@@ -58,7 +58,7 @@ def moments(simulator, sweep, index):
 def off_surface(scene, sweep, rows, world, time_s):
     """How far points are from the surface that they were measured on, at a time."""
     apart = np.full(len(rows), np.inf)
-    on_ground = sweep.body[rows] < 0
+    on_ground = sweep.truth.object_id[rows] == 0
     slope = scene.street.slope
     climbs = (world[:, 0] > slope.start_x) & (slope.grade != 0)
     level = world[:, 2].copy()
@@ -66,8 +66,8 @@ def off_surface(scene, sweep, rows, world, time_s):
         level[climbs] = apply(invert(slope.world_from_climb), world[climbs])[:, 2]
     height = level[on_ground]
     apart[on_ground] = np.where(height < 0, -height, np.maximum(height - CURB_HEIGHT_M, 0.0))
-    for number in np.unique(sweep.body[rows][~on_ground]):
-        body, own = scene.bodies[number], np.flatnonzero(sweep.body[rows] == number)
+    for number in np.unique(sweep.truth.object_id[rows][~on_ground]):
+        body, own = scene.bodies[number - 1], np.flatnonzero(sweep.truth.object_id[rows] == number)
         for shape in body.model.shapes:
             pose = body.world_from_body(time_s) @ shape.body_from_shape
             local = apply(invert(pose), world[own])
@@ -82,8 +82,8 @@ def test_points_and_moved_points_lie_on_their_surfaces(seed):
     for index in (4, 30):
         sweep = simulator.sweep(index)
         for time_s, measured in moments(simulator, sweep, index):
-            rows = measured[sweep.valid[measured]]
-            xyz, flow = (array[rows].astype(float) for array in (sweep.xyz, sweep.flow))
+            rows = measured[sweep.truth.valid[measured]]
+            xyz, flow = (array[rows].astype(float) for array in (sweep.xyz, sweep.truth.flow))
             for moved, then_s in ((xyz, time_s), (xyz + flow, time_s + simulator.interval_s)):
                 at = apply(simulator.scene.ego.world_from_sensor(then_s), moved)
                 assert off_surface(simulator.scene, sweep, rows, at, then_s).max() < 2e-3
@@ -113,24 +113,27 @@ def test_nothing_moves_in_the_standing_scene():
     simulators = [SweepSimulator(SimulationSettings(seed, scenario="standing")) for seed in (3, 10)]
     for simulator in simulators:
         sweep = simulator.sweep(5)
-        assert not sweep.dynamic.any()
-        assert np.unique(sweep.body).size > 20
+        assert not sweep.truth.dynamic.any()
+        assert np.unique(sweep.truth.object_id).size > 20
 
 
 def test_a_shorter_recording_of_a_world_is_the_beginning_of_a_longer_one():
     settings = SimulationSettings(seed=3, scenario="random", duration_s=0.2)
     for sweep, same in zip(SweepSimulator(settings), map(world(3).sweep, range(2)), strict=True):
-        assert np.array_equal(sweep.flow, same.flow)
+        assert np.array_equal(sweep.truth.flow, same.truth.flow)
 
 
 @pytest.mark.parametrize("seed", [5, 11, 17])
 def test_objects_move_as_the_truth_says(seed):
     simulator = world(seed)
     now, then = simulator.sweep(20), simulator.sweep(21)
-    moved = now.xyz.astype(float) + now.flow
+    moved = now.xyz.astype(float) + now.truth.flow
     apart = []
-    for number in np.unique(now.body[now.dynamic]):
-        here, there = np.flatnonzero(now.body == number), np.flatnonzero(then.body == number)
+    for number in np.unique(now.truth.object_id[now.truth.dynamic]):
+        here, there = (
+            np.flatnonzero(now.truth.object_id == number),
+            np.flatnonzero(then.truth.object_id == number),
+        )
         if min(len(here), len(there)) >= 20 and np.linalg.norm(now.xyz[here[0]]) < 25:
             apart.append(np.median(cKDTree(then.xyz[there]).query(moved[here])[0]))
     assert len(apart) >= 2
@@ -142,8 +145,11 @@ def test_objects_move_as_the_truth_says(seed):
 def test_equal_seeds_give_equal_sweeps_and_others_do_not(name):
     settings = [SimulationSettings(seed, scenario=name) for seed in (1, 1, 2)]
     one, same, other = (SweepSimulator(each).sweep(2) for each in settings)
-    for field in ("xyz", "intensity", "ring", "flow", "dynamic", "class_id", "body", "valid"):
-        assert np.array_equal(getattr(one, field), getattr(same, field)), field
+    assert np.array_equal(one.xyz, same.xyz)
+    for field in one.columns:
+        assert np.array_equal(one.columns[field], same.columns[field]), field
+    for field in ("flow", "dynamic", "class_id", "object_id", "valid"):
+        assert np.array_equal(getattr(one.truth, field), getattr(same.truth, field)), field
     assert one.xyz.shape != other.xyz.shape
 
 
@@ -151,14 +157,14 @@ def test_equal_seeds_give_equal_sweeps_and_others_do_not(name):
 def test_points_of_a_rolling_sweep_have_their_own_times_and_turn_to_the_right(degrees):
     rolling = with_sensor(exact_street(), is_rolling=True, degrees=degrees)
     sweep = rolling.sweep(3)
-    assert sweep.times_ns.dtype == np.uint32
-    assert np.all(np.diff(sweep.times_ns.astype(int)) >= 0)
-    assert 0 < sweep.times_ns[0] < 2e6
-    assert 98e6 < sweep.times_ns[-1] < 100e6
+    assert sweep.columns["t"].dtype == np.uint32
+    assert np.all(np.diff(sweep.columns["t"].astype(int)) >= 0)
+    assert 0 < sweep.columns["t"][0] < 2e6
+    assert 98e6 < sweep.columns["t"][-1] < 100e6
     azimuth = np.arctan2(sweep.xyz[:, 1], sweep.xyz[:, 0])
     middle = [
-        np.angle(np.exp(1j * azimuth[sweep.times_ns == time_ns]).mean())
-        for time_ns in np.unique(sweep.times_ns)
+        np.angle(np.exp(1j * azimuth[sweep.columns["t"] == time_ns]).mean())
+        for time_ns in np.unique(sweep.columns["t"])
     ]
     turned = -np.diff(np.unwrap(middle))
     assert turned.sum() == pytest.approx(np.radians(degrees), rel=0.05)
@@ -174,10 +180,13 @@ def test_a_sweep_that_is_cut_by_time_sees_a_part_twice_and_the_next_goes_on_ther
     def azimuth(sweep, rows):
         return np.degrees(np.arctan2(sweep.xyz[rows, 1], sweep.xyz[rows, 0])) % 360
 
-    early, late = (azimuth(first, first.times_ns < 8e6), azimuth(first, first.times_ns > 92e6))
+    early, late = (
+        azimuth(first, first.columns["t"] < 8e6),
+        azimuth(first, first.columns["t"] > 92e6),
+    )
     assert np.intersect1d(early.astype(int), late.astype(int)).size >= 25
-    begin = azimuth(second, second.times_ns < 2e6)
-    end = azimuth(first, first.times_ns > 98e6)
+    begin = azimuth(second, second.columns["t"] < 2e6)
+    end = azimuth(first, first.columns["t"] > 98e6)
     assert (end.min() - begin.max()) % 360 < 2.0
 
 
@@ -187,7 +196,7 @@ def test_a_rosette_fills_the_view_and_never_repeats_itself():
     azimuth = [np.degrees(np.arctan2(each.xyz[:, 1], each.xyz[:, 0])) for each in (first, second)]
     half = simulator.scene.sensor.degrees / 2
     assert 0.8 * half < np.abs(azimuth[0]).max() <= half
-    assert len(np.unique(first.times_ns)) > 5
+    assert len(np.unique(first.columns["t"])) > 5
     assert np.intersect1d(azimuth[0], azimuth[1]).size < 0.01 * len(first.xyz)
 
 
@@ -202,7 +211,7 @@ def test_static_points_measured_while_driving_fall_together_with_the_true_poses(
             at[rows] = apply(
                 simulator.scene.ego.world_from_sensor(time_s), sweep.xyz[rows].astype(float)
             )
-        near = (np.linalg.norm(sweep.xyz, axis=1) < 20) & ~sweep.ground & ~sweep.dynamic
+        near = (np.linalg.norm(sweep.xyz, axis=1) < 20) & ~sweep.truth.ground & ~sweep.truth.dynamic
         still.append((at[near], sweep.xyz[near]))
     straight = cKDTree(still[0][0]).query(still[1][0])[0]
     bent = cKDTree(still[0][1]).query(still[1][1])[0]
@@ -213,11 +222,11 @@ def test_static_points_measured_while_driving_fall_together_with_the_true_poses(
 def test_rain_takes_far_returns_and_its_drops_have_no_flow():
     simulators = (with_sensor(exact_street(), rain_per_m=loss) for loss in (0.012, 0.0))
     wet, dry = (simulator.sweep(0) for simulator in simulators)
-    assert (~wet.valid).sum() > 20
-    assert np.linalg.norm(wet.xyz[~wet.valid], axis=1).max() < 8.0
-    assert not wet.dynamic[~wet.valid].any()
-    assert (wet.body[~wet.valid] == -1).all()
-    assert dry.valid.all()
+    assert (~wet.truth.valid).sum() > 20
+    assert np.linalg.norm(wet.xyz[~wet.truth.valid], axis=1).max() < 8.0
+    assert not wet.truth.dynamic[~wet.truth.valid].any()
+    assert (wet.truth.object_id[~wet.truth.valid] == 0).all()
+    assert dry.truth.valid.all()
     share = [np.mean(np.linalg.norm(sweep.xyz, axis=1) > 20) for sweep in (wet, dry)]
     assert share[0] < 0.8 * share[1]
 
@@ -234,13 +243,13 @@ def test_windows_are_seen_squarely_and_looked_through_at_an_angle():
 
 def rigid_flow(now, then):
     """Flow of the points of a sweep if the world were static, by the recorded poses."""
-    next_from_current = invert(then.world_from_sensor) @ now.world_from_sensor
+    next_from_current = invert(then.pose) @ now.pose
     return apply(next_from_current, now.xyz.astype(float)) - now.xyz
 
 
 def test_stamps_are_evenly_spaced():
     few = replace(SMALL, duration_s=0.3, rate_hz=30.0)
-    stamps = [sweep.stamp_ns for sweep in SweepSimulator(few)]
+    stamps = [sweep.truth.stamp_ns for sweep in SweepSimulator(few)]
     assert stamps[0] == FIRST_STAMP_NS
     assert np.allclose(np.diff(stamps), 1e9 / 30, atol=1)
 
@@ -249,19 +258,19 @@ def test_static_points_flow_as_the_sensor_moves():
     simulator = SweepSimulator(SMALL)
     for index in (3, 40, 90):
         now, then = simulator.sweep(index), simulator.sweep(index + 1)
-        residual = np.linalg.norm(now.flow - rigid_flow(now, then), axis=1)
-        still = ~now.dynamic
+        residual = np.linalg.norm(now.truth.flow - rigid_flow(now, then), axis=1)
+        still = ~now.truth.dynamic
         # Standing people and cars about to halt may creep without counting as dynamic.
         assert residual[still].max() <= 0.05 + 1e-5
         assert np.mean(residual[still] < 1e-5) > 0.99
-        assert residual[now.dynamic].min() >= 0.05 - 1e-5
-        assert not now.dynamic[now.ground].any()
+        assert residual[now.truth.dynamic].min() >= 0.05 - 1e-5
+        assert not now.truth.dynamic[now.truth.ground].any()
 
 
 def test_dynamic_means_half_a_meter_per_second_at_any_rate():
     slow, fast = (exact_street(rate_hz=rate).sweep(int(rate)) for rate in (10.0, 20.0))
-    assert slow.stamp_ns == fast.stamp_ns
-    assert slow.dynamic.mean() == pytest.approx(fast.dynamic.mean(), abs=0.02)
+    assert slow.truth.stamp_ns == fast.truth.stamp_ns
+    assert slow.truth.dynamic.mean() == pytest.approx(fast.truth.dynamic.mean(), abs=0.02)
 
 
 def test_default_sweeps_are_large_and_have_movers():
@@ -270,9 +279,11 @@ def test_default_sweeps_are_large_and_have_movers():
         sweep = simulator.sweep(index)
         assert 100_000 <= len(sweep.xyz) <= 121_600
         assert np.linalg.norm(sweep.xyz, axis=1).max() <= 120.2
-        assert sweep.dynamic.sum() > 1500
-        assert {SurfaceClass.CAR, SurfaceClass.PEDESTRIAN} < set(sweep.class_id[sweep.dynamic])
-        assert 0 <= sweep.intensity.min() <= sweep.intensity.max() <= 255
+        assert sweep.truth.dynamic.sum() > 1500
+        assert {SurfaceClass.CAR, SurfaceClass.PEDESTRIAN} < set(
+            sweep.truth.class_id[sweep.truth.dynamic]
+        )
+        assert 0 <= sweep.columns["intensity"].min() <= sweep.columns["intensity"].max() <= 255
 
 
 @pytest.mark.parametrize(("seed", "speed"), [(6, 8.0), (3, 0.0)])

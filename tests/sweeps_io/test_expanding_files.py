@@ -16,13 +16,13 @@ PIECE = np.zeros(NUM_POINTS // 20, np.float32)
 
 def write_npz(path):
     header = {"descr": "<f4", "fortran_order": False, "shape": (NUM_POINTS, 3)}
-    with (
-        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-        archive.open("xyz.npy", "w", force_zip64=True) as file,
-    ):
-        np.lib.format.write_array_header_1_0(file, header)
-        for _ in range(60):
-            file.write(PIECE.tobytes())
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        with archive.open("stamp_ns.npy", "w") as file:
+            np.lib.format.write_array(file, np.array(5))
+        with archive.open("xyz.npy", "w", force_zip64=True) as file:
+            np.lib.format.write_array_header_1_0(file, header)
+            for _ in range(60):
+                file.write(PIECE.tobytes())
 
 
 def write_h5(path):

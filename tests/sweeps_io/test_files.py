@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import os
-import sys
 
 import pytest
 
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.sweeps_io.files import new_file, reading, require
+from mnsf_ros.sweeps_io.files import new_file, reading
 
 
 @pytest.mark.parametrize(("name", "text"), [("none", "no such file"), ("pipe", "not a regular")])
@@ -20,25 +19,6 @@ def test_what_is_no_file_is_named_before_it_is_read(tmp_path, name, text):
         reading(tmp_path / name, kind=DatasetError),
     ):
         (tmp_path / name).read_bytes()
-
-
-def test_a_missing_library_is_named_with_its_command(monkeypatch):
-    class Nowhere:
-        def find_spec(self, name, *_):
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-    for name in [name for name in sys.modules if f"{name}.".startswith("pyarrow.")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [Nowhere()])
-    with pytest.raises(ValueError, match=r"install it with: python -m pip install pyarrow$"):
-        require("pyarrow.feather")
-
-
-def test_a_broken_library_is_not_called_missing(tmp_path, monkeypatch):
-    (tmp_path / "broken_library.py").write_text("import missing_dependency")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ModuleNotFoundError, match="missing_dependency"):
-        require("broken_library")
 
 
 def written(path, write=lambda draft: draft.write_bytes(b"new"), **options):

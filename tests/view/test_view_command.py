@@ -15,8 +15,8 @@ import pytest
 from browser import CHROMIUM, Browser, served
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.recording.bag_topics import jazzy
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.ros1_file import jazzy
 
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 CLOCK = "document.querySelector('#clock').textContent"
