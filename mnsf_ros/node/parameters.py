@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -19,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
+from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.errors import SettingsError, did_you_mean
 from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_settings
@@ -36,11 +38,7 @@ class UnknownParameterError(ParameterNotDeclaredException):
 
 
 class NodeParameters:
-    """The settings of a node as its parameters.
-
-    Attributes:
-        settings: The current settings.
-    """
+    """The settings of a node as its parameters."""
 
     def __init__(self, node: Node, *, has_life_cycle: bool = False) -> None:
         """Declares the parameters and reads the values that the user gave.
@@ -50,9 +48,14 @@ class NodeParameters:
         Raises:
             SettingsError: If a given value does not fit; one line that names the parameter.
         """
-        self.settings = _declared(node, has_life_cycle=has_life_cycle)
+        self._given = _declared(node, has_life_cycle=has_life_cycle)
         self._on_change: SettingsChange | None = None
         node.add_on_set_parameters_callback(self._set)
+
+    @property
+    def settings(self) -> Settings:
+        """The current settings; unless given, the threads leave one core to the executor."""
+        return _with_threads(self._given)
 
     def follow(self, on_change: SettingsChange | None) -> None:
         """Sets the callback before each change, which may refuse it; None while unconfigured."""
@@ -63,17 +66,23 @@ class NodeParameters:
         try:
             own = {setting.name for setting in declared_settings()}
             changes = {item.name: item.value for item in parameters if item.name in own}
-            settings = self.settings.changed(changes)
+            settings = self._given.changed(changes)
             if self._on_change is not None:
-                _check_fixed(self.settings, settings)
-                self._on_change(settings)
+                _check_fixed(self._given, settings)
+                self._on_change(_with_threads(settings))
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:  # noqa: BLE001 - the client gets no answer otherwise
             reason = f"{type(error).__name__}: {error}"
             return SetParametersResult(successful=False, reason=reason)
-        self.settings = settings
+        self._given = settings
         return SetParametersResult(successful=True)
+
+
+def _with_threads(settings: Settings) -> Settings:
+    if settings.compute.num_threads:
+        return settings
+    return replace(settings, compute=replace(settings.compute, num_threads=node_threads()))
 
 
 def _check_fixed(before: Settings, after: Settings) -> None:

@@ -40,9 +40,10 @@ class _FlowNode(Node):
         super().__init__(NODE_NAME)
         self._faults = FaultLog(self.get_logger().name)
 
-    def close(self, timeout_s: float) -> bool:
-        """Abandons the estimate under way; False if it could not be interrupted in time."""
-        return self._parts is None or self._parts.close(timeout_s)
+    def close(self, timeout_s: float) -> None:
+        """Abandons the estimate under way, and waits for that as long as the timeout."""
+        if self._parts is not None:
+            self._parts.close(timeout_s)
 
     def report_error(self, error: Exception) -> None:
         """Logs an unexpected error, unless ROS is shutting down; counts it while configured."""
@@ -69,10 +70,7 @@ class SceneFlowNode(_FlowNode):
 def _set_enabled(
     parts: SceneFlowParts, request: SetBool.Request, response: SetBool.Response
 ) -> SetBool.Response:
-    if request.data:
-        parts.resume()
-    else:
-        parts.pause(_DISABLED)
+    parts.pause("" if request.data else _DISABLED)
     response.success, response.message = True, "enabled" if request.data else "disabled"
     return response
 
@@ -104,11 +102,11 @@ class SceneFlowLifecycleNode(_FlowNode, LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Takes clouds from now on."""
-        return self._result_of("activate", self._activate)
+        return self._result_of("activate", partial(self._pause, ""))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ignores clouds from now on, and forgets the sweeps before."""
-        return self._result_of("deactivate", self._deactivate)
+        return self._result_of("deactivate", partial(self._pause, _INACTIVE))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroys everything but the parameters; so do a shutdown and an error."""
@@ -124,13 +122,9 @@ class SceneFlowLifecycleNode(_FlowNode, LifecycleNode):
             self._clean_up()
             raise
 
-    def _activate(self) -> None:
+    def _pause(self, reason: str) -> None:
         if self._parts is not None:
-            self._parts.resume()
-
-    def _deactivate(self) -> None:
-        if self._parts is not None:
-            self._parts.pause(_INACTIVE)
+            self._parts.pause(reason)
 
     def _clean_up(self) -> None:
         parts, self._parts = self._parts, None

@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.diagnostics import Diagnostics
@@ -31,7 +28,6 @@ from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
-from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
 
 _REFRESH_PERIOD_S = 0.2
 _PAUSE_PERIOD_S = 1.0  # between two lines of one kind in the log
@@ -71,27 +67,23 @@ class SceneFlowParts:
         self._greet()
 
     def pause(self, reason: str) -> None:
-        """Ignores clouds from now on, for a reason; all sweeps are forgotten."""
+        """Ignores clouds from now on, and forgets all sweeps; takes them again without a reason."""
         if reason != self._input.pause:
-            self._logger.info(reason, throttle_duration_sec=_PAUSE_PERIOD_S)
+            text = reason or "clouds are taken"
+            self._logger.info(text, throttle_duration_sec=_PAUSE_PERIOD_S)
         self._input.pause = reason
-        self.reset()
-
-    def resume(self) -> None:
-        """Takes clouds again."""
-        if self._input.pause:
-            self._logger.info("clouds are taken", throttle_duration_sec=_PAUSE_PERIOD_S)
-        self._input.pause = ""
+        if reason:
+            self.reset()
 
     def reset(self) -> None:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
 
-    def close(self, timeout_s: float) -> bool:
-        """Abandons the estimate under way; False if it could not be interrupted in time."""
+    def close(self, timeout_s: float) -> None:
+        """Abandons the estimate under way, and waits for that as long as the timeout."""
         self._parameters.follow(None)
-        return self._pipeline.close(timeout_s)
+        self._pipeline.close(timeout_s)
 
     @property
     def statistics(self) -> OnlineStatistics:
@@ -113,9 +105,7 @@ class SceneFlowParts:
             if settings.tf.broadcast
             else None
         )
-        self._pipeline = OnlinePipeline(
-            _with_node_threads(settings), self._publish, self._on_failure
-        )
+        self._pipeline = OnlinePipeline(settings, self._publish, self._on_failure)
         try:
             self._input = SweepInput(self._node, settings, self._report, self._on_sweep, pause)
         except BaseException:
@@ -126,18 +116,16 @@ class SceneFlowParts:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         for period_s, callback in (
-            (_REFRESH_PERIOD_S, self._refresh_input),
+            (_REFRESH_PERIOD_S, self._input.refresh),
             (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
             (RETURN_PERIOD_S, return_memory),
         ):
             self._node.create_timer(period_s, callback, clock=clock)
 
     def _greet(self) -> None:
-        reliability = f"qos_overrides.{self._input.state.topic}.subscription.reliability"
         for name in undeclared_overrides(self._node):
-            instead = "; set node.input_reliability" if name == reliability else ""
-            self._logger.warning(f"ignored: {UnknownParameterError(name)}{instead}")
-        self._logger.info(greeting(_with_node_threads(self._settings)))
+            self._logger.warning(f"ignored: {UnknownParameterError(name)}")
+        self._logger.info(greeting(self._settings))
         self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:
@@ -159,8 +147,7 @@ class SceneFlowParts:
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the thread of the output."""
-        output = self._settings.output
-        self._outputs.publish(job.triplet, estimate, output)
+        self._outputs.publish(job.triplet, estimate, self._settings.output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._explanations.keep(job.triplet, estimate)
         if self._frame is not None and estimate.over_ground is not None:
@@ -169,11 +156,6 @@ class SceneFlowParts:
                 self._frame.publish(header, estimate.over_ground, self._input.transforms)
             except TransformError as error:
                 self._report(TRANSFORMS_MISSING, f"{error}; the robot's pose is not broadcast")
-        renamed = renamed_fields(job.triplet.current.source.message, output)
-        if renamed:
-            names = ", ".join(f"{old} as {new}" for old, new in renamed.items())
-            text = f"the clouds have fields of the same names as the flow; published: {names}"
-            self._logger.warning(text, once=True)
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
         """Runs in a thread of the pipeline."""
@@ -186,10 +168,6 @@ class SceneFlowParts:
             )
             return
         self._faults.unexpected(f"no flow for sweep {stamp_ns}", error)
-
-    def _refresh_input(self) -> None:
-        for subscription in self._input.refresh():
-            self._logger.info(f"subscribed {subscription.reliability} to {subscription.topic}")
 
     def _publish_diagnostics(self) -> None:
         message = DiagnosticArray()
@@ -204,16 +182,9 @@ class SceneFlowParts:
 
     def _change_settings(self, settings: Settings) -> None:
         # Both may refuse.
-        self._pipeline.change_settings(_with_node_threads(settings))
+        self._pipeline.change_settings(settings)
         try:
             self._input.change_settings(settings)
         except SettingsError:
-            self._pipeline.change_settings(_with_node_threads(self._settings))
+            self._pipeline.change_settings(self._settings)
             raise
-
-
-def _with_node_threads(settings: Settings) -> Settings:
-    """The settings; unless given, the number of threads leaves one core to the executor."""
-    if settings.compute.num_threads:
-        return settings
-    return replace(settings, compute=replace(settings.compute, num_threads=node_threads()))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -46,12 +46,9 @@ _MISSED = (
     "queue because the computer is too busy",
 )
 
-
-class Report(Protocol):
-    """Counts an event, and logs its text now and then."""
-
-    def __call__(self, event: str, text: str, how_many: int = 1) -> None:
-        """The event has happened `how_many` times."""
+# Counts an event, which has happened as often as its optional last argument says, and logs its
+# text now and then.
+Report: TypeAlias = Callable[..., None]
 
 
 class MissedClouds:
@@ -125,23 +122,22 @@ class InputSubscription:
         """Publishers of the topic that are visible now."""
         return int(self._node.count_publishers(self.topic))
 
-    def refresh(self) -> bool:
-        """Subscribes anew if the publishers offer another reliability; True if it did."""
+    def refresh(self) -> None:
+        """Subscribes anew if the publishers offer another reliability."""
         if time.monotonic() - self._start_s > _DISCOVERY_S and self.num_publishers == 0:
             self._missed.expect_a_new_publisher()
         if self._wanted != "auto":
-            return False
+            return
         offered = self._node.get_publishers_info_by_topic(self.topic)
         # Without publishers best effort, which suits whichever comes.
         all_reliable = bool(offered) and all(
             info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in offered
         )
-        if all_reliable == self._is_reliable:
-            return False
-        self._is_reliable = all_reliable
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = self._subscribe()
-        return True
+        if all_reliable != self._is_reliable:
+            self._is_reliable = all_reliable
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe()
+            self._node.get_logger().info(f"subscribed {self.reliability} to {self.topic}")
 
     def _subscribe(self) -> Any:  # noqa: ANN401 - rclpy's type differs between releases
         policy = ReliabilityPolicy.RELIABLE if self._is_reliable else ReliabilityPolicy.BEST_EFFORT
@@ -168,41 +164,24 @@ class InputSubscription:
         self._on_cloud(message)
 
 
-class CloudDecoder:
-    """Sweeps of clouds; invalid clouds are reported and skipped.
-
-    Attributes:
-        times_source: Origin of the times of points in the last cloud.
-    """
-
-    def __init__(self, node: Node, report: Report) -> None:
-        self.times_source = ""
-        self._node, self._report = node, report
-        self._logged_sources: set[str] = set()
-
-    def sweep(self, message: PointCloud2, settings: TimeSettings) -> Sweep | None:
-        """Returns the sweep of a cloud; None if it cannot be decoded or has no points."""
-        try:
-            now_ns = self._node.get_clock().now().nanoseconds
-            sweep = sweep_from_message(message, settings, now_ns)
-        except MessageError as error:
-            self._report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
-            return None
-        if not sweep.source.is_stamped:
-            text = "a cloud has no stamp; its time of arrival is used"
-            self._report("clouds_without_stamp", text)
-        if len(sweep) == 0:
-            self._report(CLOUDS_EMPTY, "a cloud without a finite point is skipped")
-            return None
-        times = sweep.source.times
-        if times.fault:
-            text = f"the times of points are not used: {times.fault}"
-            self._report("clouds_without_usable_times", text)
-        self.times_source = times.source
-        if times.source not in self._logged_sources:
-            self._logged_sources.add(times.source)
-            self._node.get_logger().info(f"time of each point: {times.source}")
-        return sweep
+def decoded(
+    message: PointCloud2, settings: TimeSettings, now_ns: int, report: Report
+) -> Sweep | None:
+    """Returns the sweep of a cloud; None if it cannot be decoded or has no points, as reported."""
+    try:
+        sweep = sweep_from_message(message, settings, now_ns)
+    except MessageError as error:
+        report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
+        return None
+    if not sweep.source.is_stamped:
+        report("clouds_without_stamp", "a cloud has no stamp; its time of arrival is used")
+    if len(sweep) == 0:
+        report(CLOUDS_EMPTY, "a cloud without a finite point is skipped")
+        return None
+    if fault := sweep.source.times.fault:
+        text = f"the times of points are not used: {fault}"
+        report("clouds_without_usable_times", text)
+    return sweep
 
 
 class OdometrySubscription:

@@ -20,10 +20,10 @@ from std_msgs.msg import Header
 from mnsf_ros.geometry.transforms import mounted_at
 from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import (
-    CloudDecoder,
     InputSubscription,
     OdometrySubscription,
     Report,
+    decoded,
 )
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
@@ -70,7 +70,7 @@ class SweepInput:
         self.pause = pause
         self.transforms: Transforms | None = None
         self._node, self._report, self._on_sweep = node, report, on_sweep
-        self._decoder = CloudDecoder(node, report)
+        self._times_source = ""
         self._odometry = OdometrySubscription(node, "~/odometry", report)
         self._waiting: deque[ArrivedSweep] = deque()
         self._last_ns = 0
@@ -93,14 +93,15 @@ class SweepInput:
             ", ".join(subscription.topic for subscription in self._subscriptions),
             self._subscriptions[0].reliability,
             sum(subscription.num_publishers for subscription in self._subscriptions),
-            self._decoder.times_source,
+            self._times_source,
             self.pause,
             () if self._merging is None else self._merging.missing,
         )
 
-    def refresh(self) -> list[InputSubscription]:
-        """Subscribes anew where the publishers' reliability has changed, and returns those."""
-        return [subscription for subscription in self._subscriptions if subscription.refresh()]
+    def refresh(self) -> None:
+        """Subscribes anew where the publishers' reliability has changed."""
+        for subscription in self._subscriptions:
+            subscription.refresh()
 
     def change_settings(self, settings: Settings) -> None:
         """Applies other settings from the next sweep on.
@@ -139,9 +140,11 @@ class SweepInput:
         if self.pause:
             return
         arrived_ns = time.monotonic_ns()
-        sweep = self._decoder.sweep(message, self._settings.time)
+        now_ns = self._node.get_clock().now().nanoseconds
+        sweep = decoded(message, self._settings.time, now_ns, self._report)
         if sweep is None:
             return
+        self._times_source = sweep.source.times.source
         item = ArrivedSweep(sweep, arrived_ns)
         if self._merging is None:
             self._queue(item)
@@ -173,15 +176,12 @@ class SweepInput:
         while self._waiting:
             first = self._waiting[0]
             is_late = time.monotonic_ns() - first.arrived_ns >= timeout_ns
-            sweep = self._located(first.sweep, may_wait=not is_late and not self._is_full)
+            may_wait = not is_late and len(self._waiting) <= _MAX_WAITING
+            sweep = self._located(first.sweep, may_wait=may_wait)
             if sweep is None:
                 return
             self._waiting.popleft()
             self._on_sweep(sweep, first.arrived_ns)
-
-    @property
-    def _is_full(self) -> bool:
-        return len(self._waiting) > _MAX_WAITING
 
     def _located(self, sweep: Sweep, *, may_wait: bool) -> Sweep | None:
         """The sweep with the sensor's pose, if that is known; None if it may still arrive."""

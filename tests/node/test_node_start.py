@@ -106,7 +106,6 @@ class TestNodeWithNamesAndParameters:
         (typo, reliability) = warnings
         assert "parameter 'crop.max_rang_m'; did you mean crop.max_range_m" in typo
         assert "points.subscription.reliability" in reliability
-        assert "set node.input_reliability" in reliability
 
     def test_says_which_topics_it_uses(self, peer):
         log = peer.process.log
