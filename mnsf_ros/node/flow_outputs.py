@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
-from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
+from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
@@ -48,7 +48,7 @@ class FlowOutputs:
             (output(message_type, topic), make)
             for topic, message_type, make in (
                 ("~/objects", PointCloud2, objects_cloud),
-                ("~/objects/markers", MarkerArray, ObjectMarkers().message),
+                ("~/objects/markers", MarkerArray, objects_markers),
                 *installed_messages(),
             )
         ]

@@ -29,9 +29,8 @@ Messages: TypeAlias = Any
 Message: TypeAlias = Any
 MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
 
-# A viewer that misses a deletion, or a node that ends, must not leave objects behind.
+# A node that ends must not leave objects behind.
 _LIFETIME_S: Final = 2
-_NAMESPACES: Final = ("box", "velocity", "label")
 _SMALLEST_M: Final = 0.01  # viewers refuse markers without an extent
 _TEXT_HEIGHT_M: Final = 0.7
 
@@ -47,24 +46,12 @@ def set_yaw(orientation: Any, yaw: float) -> None:  # noqa: ANN401 - of any pack
     orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
 
 
-class ObjectMarkers:
-    """Makes boxes, arrows of one second of motion, and labels; deletes those of objects gone."""
-
-    def __init__(self) -> None:
-        self._shown: frozenset[int] = frozenset()
-
-    def message(self, header: Header, objects: Objects) -> MarkerArray:
-        """Returns the markers of a sweep's objects, and deletions of those that are gone."""
-        shown = frozenset(item.track_id for item in objects)
-        markers = [
-            Marker(header=header, ns=name, id=track_id, action=Marker.DELETE)
-            for track_id in sorted(self._shown - shown)
-            for name in _NAMESPACES
-        ]
-        for item in objects:
-            markers += [_box(header, item), _arrow(header, item), _label(header, item)]
-        self._shown = shown
-        return MarkerArray(markers=markers)
+def objects_markers(header: Header, objects: Objects) -> MarkerArray:
+    """Returns boxes, arrows of one second of motion, and labels, in place of all earlier ones."""
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    for item in objects:
+        markers += [_box(header, item), _arrow(header, item), _label(header, item)]
+    return MarkerArray(markers=markers)
 
 
 def _box(header: Header, item: TrackedObject) -> Marker:

@@ -27,7 +27,7 @@ from synthetic_clouds import column, tracked
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
-from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
+from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
 from mnsf_ros.sweeps_io.flow_columns import OBJECT_ROW
 
 HEADER = Header(frame_id="lidar")
@@ -57,8 +57,9 @@ def turn_of(marker):
 
 class TestMarkers:
     def test_of_an_object(self):
-        message = ObjectMarkers().message(HEADER, [tracked(4)])
-        markers = {marker.ns: marker for marker in message.markers}
+        first, *shown = objects_markers(HEADER, [tracked(4)]).markers
+        assert first.action == Marker.DELETEALL
+        markers = {marker.ns: marker for marker in shown}
         assert set(markers) == {"box", "velocity", "label"}
         for marker in markers.values():
             assert (marker.header, marker.id, marker.action) == (HEADER, 4, Marker.ADD)
@@ -78,26 +79,16 @@ class TestMarkers:
 
     @pytest.mark.parametrize("velocity", [(3.0, -4.0, 0.0), (-1.0, 0.5, 2.0), (0.0, 0.0, -1.0)])
     def test_arrow_points_where_the_object_goes(self, velocity):
-        message = ObjectMarkers().message(HEADER, [tracked(velocity=np.array(velocity))])
+        message = objects_markers(HEADER, [tracked(velocity=np.array(velocity))])
         (arrow,) = (marker for marker in message.markers if marker.ns == "velocity")
         along = turn_of(arrow).apply([arrow.scale.x, 0, 0])
         np.testing.assert_allclose(along, velocity, atol=1e-9)
 
     def test_have_an_extent_also_if_the_object_has_none(self):
         nothing = tracked(size=np.zeros(3), velocity=np.zeros(3))
-        for marker in ObjectMarkers().message(HEADER, [nothing]).markers:
+        for marker in objects_markers(HEADER, [nothing]).markers[1:]:
             if marker.type != Marker.TEXT_VIEW_FACING:
                 assert min(marker.scale.x, marker.scale.y, marker.scale.z) > 0
-
-    def test_of_an_object_that_is_gone_are_deleted_once(self):
-        markers = ObjectMarkers()
-        markers.message(HEADER, [tracked(1), tracked(2)])
-        second = markers.message(HEADER, [tracked(2), tracked(3)]).markers
-        deleted = {(item.ns, item.id) for item in second if item.action == Marker.DELETE}
-        assert deleted == {("box", 1), ("velocity", 1), ("label", 1)}
-        assert {item.id for item in second if item.action == Marker.ADD} == {2, 3}
-        assert {item.id for item in markers.message(HEADER, []).markers} == {2, 3}
-        assert markers.message(HEADER, []).markers == []
 
 
 def message_type(name, **fields):
