@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -131,7 +131,7 @@ def _take_steps(fit: _Fit, schedule: Schedule) -> None:
 
 
 class _Fit:
-    """One optimization under way."""
+    """One optimization under way; its early stopping and best weights stay on its device."""
 
     def __init__(
         self,
@@ -142,9 +142,8 @@ class _Fit:
         keep_best: bool,
         weight_decay: float,
     ) -> None:
-        self._parameters = weights
-        self._loss_of = loss_of
-        self._schedule = schedule
+        self._parameters, self._loss_of = weights, loss_of
+        self._schedule, self._keeps_best = schedule, keep_best
         self.device = device = weights[0].device
         # Fused: one pass over all weights; for networks this small that is a tenth of a step.
         # Capturable: on CUDA a step can be recorded.
@@ -159,12 +158,13 @@ class _Fit:
         self._rates = torch.tensor(rates, device=device, dtype=precision)
         self._turn = torch.zeros(1, dtype=torch.int64, device=device)
         self._rate = torch.zeros((), device=device, dtype=precision)
-        self._loss = torch.full((), math.nan, device=device).double()
-        self._judge = (
-            _Judge(self._parameters, self._loss, schedule, keep_best=keep_best)
-            if keep_best or schedule.patience
-            else None
-        )
+        self._loss = torch.full((), math.nan, device=device).double()  # the last one
+        self._best = torch.full_like(self._loss, math.inf)
+        self._fallen_to = torch.full_like(self._loss, math.inf)
+        self._num_waited = torch.zeros_like(self._loss, dtype=torch.int64)
+        self._num_active = torch.zeros_like(self._loss, dtype=torch.int64)
+        self._is_active = torch.ones_like(self._loss, dtype=torch.bool)
+        self._kept = [parameter.detach().clone() for parameter in weights]
 
     @property
     def is_to_be_recorded(self) -> bool:
@@ -178,11 +178,7 @@ class _Fit:
         """Computes the loss and takes one step. Only the device knows the value."""
         total, judged = _parts(self._loss_of())
         gradients = torch.autograd.grad(total, self._parameters)
-        own = total.detach().double()
-        if self._judge is None:
-            self._loss.copy_(own)
-        else:
-            self._judge.before_step(own)
+        self._take_loss(total.detach().double())
         self._rate.copy_(self._rates.index_select(0, self._turn)[0])
         self._turn.add_(1)
         for group in self._optimizer.param_groups:
@@ -190,88 +186,58 @@ class _Fit:
         for parameter, gradient in zip(self._parameters, gradients, strict=True):
             parameter.grad = _in_layout_of(parameter, gradient)
         self._optimizer.step()
-        if self._judge is not None:
-            self._judge.after_step(judged.detach().double())
-
-    def has_stopped(self) -> bool:
-        """Waits for the device; whether the network needs no other step."""
-        return self._judge is not None and not bool(self._judge.is_active)
-
-    def result(self) -> OptimizationResult:
-        """The result; the network gets its final weights."""
-        for parameter in self._parameters:
-            parameter.grad = None
-        end = StopReason.TIME_BUDGET if self.is_late else StopReason.ITERATION_LIMIT
-        if self._judge is not None:
-            return self._judge.result(end)
-        return OptimizationResult(_checked(self._loss.item()), self.num_steps, end)
-
-
-class _Judge:
-    """Early stopping and the best weights of a network, on its device."""
-
-    def __init__(
-        self,
-        parameters: Sequence[torch.Tensor],
-        loss: torch.Tensor,
-        schedule: Schedule,
-        *,
-        keep_best: bool,
-    ) -> None:
-        self._parameters = parameters
-        self._loss = loss  # the last one
-        self._schedule = schedule
-        self._keeps_best = keep_best
-        self._best = torch.full_like(loss, math.inf)
-        self._fallen_to = torch.full_like(loss, math.inf)
-        self._num_waited = torch.zeros_like(loss, dtype=torch.int64)
-        self._num_steps = torch.zeros_like(loss, dtype=torch.int64)
-        self._kept = [parameter.detach().clone() for parameter in parameters]
-        self.is_active = torch.ones_like(loss, dtype=torch.bool)
+        if self._schedule.patience:
+            self._judge(judged.detach().double())
 
     @torch.no_grad()
-    def before_step(self, loss: torch.Tensor) -> None:
-        """Takes the loss of the current weights."""
-        self._loss.copy_(torch.where(self.is_active, loss, self._loss))
-        self.is_active.logical_and_(torch.isfinite(loss))
+    def _take_loss(self, loss: torch.Tensor) -> None:
+        """Takes the loss of the weights before the step."""
+        self._loss.copy_(torch.where(self._is_active, loss, self._loss))
+        self._is_active.logical_and_(torch.isfinite(loss))
         if self._keeps_best:
-            is_better = self.is_active & (loss < self._best)
+            is_better = self._is_active & (loss < self._best)
             self._best.copy_(torch.where(is_better, loss, self._best))
             self._keep(is_better)
-        self._num_steps.add_(self.is_active)
+        self._num_active.add_(self._is_active)
 
     @torch.no_grad()
-    def after_step(self, judged: torch.Tensor) -> None:
+    def _judge(self, loss: torch.Tensor) -> None:
         """Counts the steps without improvement of the loss from before the step."""
-        if not self._schedule.patience:
-            return
         if not self._keeps_best:
-            self._keep(self.is_active)
-        has_fallen = judged < self._fallen_to - self._schedule.min_delta_m
-        self._fallen_to.copy_(torch.where(has_fallen, judged, self._fallen_to))
+            self._keep(self._is_active)
+        has_fallen = loss < self._fallen_to - self._schedule.min_delta_m
+        self._fallen_to.copy_(torch.where(has_fallen, loss, self._fallen_to))
         waited = torch.where(has_fallen, 0, self._num_waited + 1)
-        self._num_waited.copy_(torch.where(self.is_active, waited, self._num_waited))
-        self.is_active.logical_and_(self._num_waited < self._schedule.patience)
+        self._num_waited.copy_(torch.where(self._is_active, waited, self._num_waited))
+        self._is_active.logical_and_(self._num_waited < self._schedule.patience)
 
     def _keep(self, which: torch.Tensor) -> None:
         for kept, parameter in zip(self._kept, self._parameters, strict=True):
             kept.copy_(torch.where(which, parameter, kept))
 
+    def has_stopped(self) -> bool:
+        """Waits for the device; whether the network needs no other step."""
+        return not bool(self._is_active)
+
     @torch.no_grad()
-    def result(self, end: StopReason) -> OptimizationResult:
-        """The result; puts the kept weights into the network."""
-        if self._num_steps > 0:
-            for parameter, kept in zip(self._parameters, self._kept, strict=True):
+    def result(self) -> OptimizationResult:
+        """The result; the network gets its final weights."""
+        num_active = int(self._num_active)
+        is_kept = num_active > 0 and (self._keeps_best or self._schedule.patience > 0)
+        for parameter, kept in zip(self._parameters, self._kept, strict=True):
+            parameter.grad = None
+            if is_kept:
                 parameter.copy_(kept)
         last, best = self._loss.item(), self._best.item()
         loss_m = _checked(best if best < math.inf else last)
-        return OptimizationResult(loss_m, int(self._num_steps), self._reason(last, end))
+        return OptimizationResult(loss_m, num_active, self._stop_reason(last))
 
-    def _reason(self, last: float, end: StopReason) -> StopReason:
-        if not math.isfinite(last):
+    def _stop_reason(self, last_loss: float) -> StopReason:
+        if not math.isfinite(last_loss):
             return StopReason.NOT_FINITE
-        has_converged = 0 < self._schedule.patience <= int(self._num_waited)
-        return StopReason.CONVERGED if has_converged else end
+        if 0 < self._schedule.patience <= int(self._num_waited):
+            return StopReason.CONVERGED
+        return StopReason.TIME_BUDGET if self.is_late else StopReason.ITERATION_LIMIT
 
 
 def _parts(loss: torch.Tensor | PartlyJudgedLoss) -> tuple[torch.Tensor, torch.Tensor]:

@@ -12,6 +12,7 @@ import sys
 try:
     import argparse
     import signal
+    from itertools import takewhile
     from typing import TYPE_CHECKING
 
     from mnsf_ros import __version__
@@ -116,7 +117,7 @@ def _prepare_process() -> None:
 
 
 def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:
-    """Answers --help and --version; options outside of `--ros-args` ... `--` are refused.
+    """Answers --help and --version; other options before `--ros-args` are refused.
 
     Raises:
         SystemExit: In all these cases, with status 2 after a mistake.
@@ -130,15 +131,7 @@ def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    own, is_own = [], True
-    for word in arguments:
-        if word == "--ros-args":
-            is_own = False
-        elif is_own:
-            own.append(word)
-        elif word == "--":
-            is_own = True
-    parser.parse_args(own)
+    parser.parse_args([*takewhile(lambda word: word != "--ros-args", arguments)])
 
 
 def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
