@@ -116,13 +116,13 @@ audit: $(COMPLETE)
 	$(BIN)/pip-licenses --from mixed --order license
 	$(BIN)/pip-audit --strict --disable-pip --requirement locked.txt
 
-# The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.
+# All methods on real sweeps; hours on a CPU. An interrupted run is continued.
 benchmark: $(COMPLETE)
 	nice $(BIN)/python benchmarks/paper_table.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
-# Errors, cost and latency of the method online; half an hour on two quiet cores.
+# Cost and latency of the live methods; a quarter of an hour on two quiet cores.
 benchmark-online: $(COMPLETE)
-	for part in accuracy cost live; do \
+	for part in cost live; do \
 		$(BIN)/python benchmarks/$$part.py --document docs/performance.md $(BENCHMARK_OPTIONS) || exit; \
 	done
 
