@@ -59,7 +59,6 @@ def add_convert(arguments: Arguments) -> str:
     arguments.flag("--force", FORCE)
     arguments.flag("--compress", "compress the recording (zstd)")
     arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
-    arguments.value("--labels DIR", "scene flow labels of the log (argoverse2)", Path)
     arguments.value("--first N", "first sweep, counted from 0", default=0)
     arguments.value("--count N", "number of sweeps (default: all)", int)
     margin_m = TruthSettings.box_margin_m
@@ -75,9 +74,8 @@ def run_convert(options: argparse.Namespace) -> None:
     """Writes a sequence of a data set."""
     check_target(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
-    source = open_source(
-        options.format, options.source, sequence=options.sequence, labels=options.labels
-    ).part(options.first, options.count)
+    source = open_source(options.format, options.source, options.sequence)
+    source = source.part(options.first, options.count)
     console = Console()
     with counting_progress(console) as progress:
         task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)

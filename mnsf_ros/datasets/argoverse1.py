@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import columns_of, numbered_files, read_json, reading, stacked
 from mnsf_ros.datasets.surface_classes import ARGOVERSE1, UNKNOWN
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
+from mnsf_ros.sweeps_io.files import columns_of, numbered_files, read_json, reading, stacked
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
-_PLY_TYPES: Final = {"uchar": "u1", "ushort": "u2", "int": "i4", "float": "f4", "double": "f8"}
+_PLY_TYPES: Final = {"uchar": "u1", "ushort": "<u2", "int": "<i4", "float": "<f4", "double": "<f8"}
 # The annotators' value for a fully occluded object.
 _OCCLUDED: Final = 100
 
@@ -44,21 +44,21 @@ def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
 def _read_points(path: Path) -> dict[str, NDArray[Any]]:
     """Returns the properties (N,) of the vertices, which come first in a binary PLY file."""
     header, end, body = path.read_bytes().partition(b"end_header\n")
-    order, num_points, fields = "", 0, []
+    is_known, num_points, fields = False, 0, []
     for words in map(str.split, header.decode("ascii").splitlines()):
         match words:
-            case ["format", "binary_little_endian" | "binary_big_endian" as encoding, _]:
-                order = "<" if "little" in encoding else ">"
+            case ["format", "binary_little_endian", _]:
+                is_known = True
             case ["element", "vertex", number]:
                 num_points = int(number)
             case ["element", *_]:
                 break
             case ["property", kind, name]:
-                fields.append((name, order + _PLY_TYPES[kind]))
+                fields.append((name, _PLY_TYPES[kind]))
             case ["property", *_]:
                 raise ValueError("its vertices have lists")
-    if not (end and order and fields):
-        raise ValueError("expected a binary PLY file that begins with its vertices")
+    if not (end and is_known and fields):
+        raise ValueError("expected a little-endian PLY file that begins with its vertices")
     points = np.frombuffer(body, np.dtype(fields), num_points)
     return {name: points[name] for name, _ in fields}
 

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
-from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.sweeps_io.files import new_file
+from mnsf_ros.sweeps_io.files import new_file, reading
 
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
 
@@ -87,7 +86,7 @@ def submission(path: Path, masks: Path, *, overwrite: bool = False) -> Iterator[
         wanted = zipfile.ZipFile(masks)
     with (
         wanted,
-        new_file(path, DatasetError, overwrite=overwrite) as draft,
+        new_file(path, overwrite=overwrite) as draft,
         zipfile.ZipFile(draft, "w") as archive,
     ):
         yield Submission(archive, masks, wanted)

@@ -26,19 +26,19 @@ from mnsf_ros.recording.flow_truth import TrueSweep
 
 
 class Format(NamedTuple):
-    """Function that opens a source, its description, and an option of `open_source`."""
+    """Function that opens a source, its description, and whether it may hold several sequences."""
 
     open: Callable[..., SweepSource]
     source: str
-    option: str = ""
+    has_sequences: bool = False
 
 
 FORMATS: Final[Mapping[str, Format]] = {
     "kitti": Format(open_drive, "KITTI raw: folder of a drive, …_sync"),
-    "argoverse2": Format(argoverse2.open_log, "Argoverse 2 sensor: folder of a log", "labels"),
+    "argoverse2": Format(argoverse2.open_log, "Argoverse 2 sensor: folder of a log"),
     "argoverse1": Format(argoverse1.open_log, "Argoverse 1 tracking: folder of a log"),
-    "waymo": Format(open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …", "sequence"),
-    "nuscenes": Format(open_scene, "nuScenes: folder with sweeps, samples, v1.0-…", "sequence"),
+    "waymo": Format(open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …", True),
+    "nuscenes": Format(open_scene, "nuScenes: folder with sweeps, samples, v1.0-…", True),
     "opensceneflow": Format(open_file, "OpenSceneFlow: .h5 file"),
     "triplets": Format(
         open_triplets, "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
@@ -47,23 +47,19 @@ FORMATS: Final[Mapping[str, Format]] = {
 }
 
 
-def open_source(
-    name: str, source: Path, *, sequence: str | None = None, labels: Path | None = None
-) -> SweepSource:
+def open_source(name: str, source: Path, sequence: str | None = None) -> SweepSource:
     """Opens a sequence of a data set whose format is a key of `FORMATS`.
 
-    A source with several sequences needs the name of the `sequence`. `labels` is a separate folder
-    of labels.
+    A source with several sequences needs the name of the `sequence`.
 
     Raises:
-        DatasetError: The format does not support a given option, or a needed file is missing or
-            damaged.
+        DatasetError: The format has no sequences, or a needed file is missing or damaged.
     """
-    given = {"sequence": sequence, "labels": labels}
-    options = {option: value for option, value in given.items() if value is not None}
-    if wrong := options.keys() - {FORMATS[name].option}:
-        raise DatasetError(f"format {name!r} takes no {min(wrong)}")
-    return FORMATS[name].open(source, **options)
+    if sequence is None:
+        return FORMATS[name].open(source)
+    if not FORMATS[name].has_sequences:
+        raise DatasetError(f"format {name!r} takes no sequence")
+    return FORMATS[name].open(source, sequence)
 
 
 @dataclass

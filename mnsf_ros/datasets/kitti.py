@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import numbered_files, read_float_rows, read_lines, reading
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
+from mnsf_ros.sweeps_io.files import numbered_files, read_float_rows, read_lines, reading
 
 _EARTH_RADIUS_M: Final = 6_378_137.0
 _IMU_CALIBRATION: Final = "calib_imu_to_velo.txt"

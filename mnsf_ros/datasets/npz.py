@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import (
+from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
+from mnsf_ros.sweeps_io.files import (
     as_type,
     columns_of,
     files_in,
@@ -19,9 +22,6 @@ from mnsf_ros.datasets.source_files import (
     read_npz,
     reading,
 )
-from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
-from mnsf_ros.errors import DatasetError
-from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 
 _EXTRA: Final = {
     "intensity": ("intensity", np.float32),

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, read_float_rows, reading
 from mnsf_ros.datasets.surface_classes import nuscenes_class
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
@@ -23,6 +22,7 @@ from mnsf_ros.geometry.transforms import (
     poses_from_quaternions,
     rigid_pose,
 )
+from mnsf_ros.sweeps_io.files import as_type, choose, read_float_rows, reading
 
 _CHANNEL: Final = "LIDAR_TOP"
 _CHUNK_CHARACTERS: Final = 1 << 20

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, reading
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.geometry.transforms import FloatArray, invert
+from mnsf_ros.sweeps_io.files import as_type, reading
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17

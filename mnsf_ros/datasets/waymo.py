@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, check_columns, choose, files_in, reading
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose
+from mnsf_ros.sweeps_io.files import as_type, check_columns, choose, files_in, reading
 
 _STAMP: Final = "key.frame_timestamp_micros"
 _LASER: Final = "key.laser_name"

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import array_of, group_of, h5_file, nanoseconds, sweep_keys
-from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import argoverse2_numbers
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
-from mnsf_ros.sweeps_io.files import new_file
+from mnsf_ros.sweeps_io.files import new_file, reading
 
 # Data sets of a sweep that are no estimate.
 _SWEEP_KEYS: Final = ("lidar", "ground_mask", "pose")
@@ -132,7 +131,7 @@ def open_scene_flow_writer(
     is_new = not path.exists()
     if not is_new:
         sweep_keys(path)
-    with new_file(path, DatasetError, overwrite=True) as draft:
+    with new_file(path, overwrite=True) as draft:
         if not is_new:
             shutil.copyfile(path, draft)
         with h5py.File(draft, "a") as file:
@@ -180,5 +179,5 @@ def _write_indexes(folder: Path) -> None:
         with reading(path), h5_file(path) as file:
             with_flow += [[path.stem, key] for key in keys if "flow" in file[key]]
     for name, index in (("index_total.pkl", sweeps), ("index_flow.pkl", with_flow)):
-        with new_file(folder / name, DatasetError, overwrite=True) as draft:
+        with new_file(folder / name, overwrite=True) as draft:
             draft.write_bytes(pickle.dumps(index))

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import MethodError, SettingsError
+from mnsf_ros.errors import DatasetError, MethodError, SettingsError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import fit_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from mnsf_ros.sweeps_io.files import read_npz, reading
+from mnsf_ros.sweeps_io.files import read_npz
 
 _TIMEOUT_S: Final = 600.0
 _TIME_LINE: Final = re.compile(r"^time_ms: ([0-9.eE+]+)\s*$", re.MULTILINE)
@@ -176,9 +176,10 @@ class PredictionFiles:
         if not hasattr(cloud, "rows"):
             raise MethodError("predictions from files are of recorded sweeps only")
         file = self._file_of(current)
-        with reading(file, kind=MethodError):
-            arrays = read_npz(file, ["flow"])
-        flow = _checked(arrays["flow"], cloud.num_points, str(file))
+        try:
+            flow = _checked(read_npz(file, ["flow"])["flow"], cloud.num_points, str(file))
+        except DatasetError as error:
+            raise MethodError(str(error)) from error
         # Only the points whose flow is asked for need a finite prediction.
         asked = np.ones(len(current), dtype=bool) if current.kept is None else current.kept
         return FlowEstimate(flow[cloud.rows], kept=asked)

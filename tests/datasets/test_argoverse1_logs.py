@@ -14,15 +14,14 @@ BOXES = "per_sweep_annotations_amodal/tracked_object_labels"
 POSES = "poses/city_SE3_egovehicle"
 
 
-def ply(xyz, order="<"):
-    fields = [(axis, f"{order}f8") for axis in "xyz"]
-    fields += [("intensity", f"{order}f4"), ("laser_number", "u1")]
+def ply(xyz):
+    fields = [(axis, "<f8") for axis in "xyz"]
+    fields += [("intensity", "<f4"), ("laser_number", "u1")]
     rows = np.zeros(len(xyz), fields)
     for column, axis in enumerate("xyz"):
         rows[axis] = xyz[:, column]
     rows["intensity"], rows["laser_number"] = 12, 31
-    name = "little" if order == "<" else "big"
-    header = f"ply\nformat binary_{name}_endian 1.0\ncomment none\nelement vertex {len(xyz)}\n"
+    header = f"ply\nformat binary_little_endian 1.0\ncomment none\nelement vertex {len(xyz)}\n"
     header += "".join(f"property double {axis}\n" for axis in "xyz")
     header += "property float intensity\nproperty uchar laser_number\n"
     return header.encode() + b"element face 0\nend_header\n" + rows.tobytes()
@@ -39,13 +38,13 @@ def label(track, pose):
     }
 
 
-def write_log(folder, order="<"):
+def write_log(folder):
     log = folder / "log"
     for sub in ("lidar", "poses", "per_sweep_annotations_amodal"):
         (log / sub).mkdir(parents=True)
     for index in range(tiny_world.NUM_SWEEPS):
         stamp = tiny_world.stamp_ns(index)
-        (log / f"lidar/PC_{stamp}.ply").write_bytes(ply(tiny_world.sweep(index).xyz, order))
+        (log / f"lidar/PC_{stamp}.ply").write_bytes(ply(tiny_world.sweep(index).xyz))
         pose = tiny_world.world_from_sweep(index)
         content = {"rotation": tiny_world.quaternion(pose), "translation": list(pose[:3, 3])}
         (log / f"{POSES}_{stamp}.json").write_text(json.dumps(content))
@@ -58,9 +57,8 @@ def convert(log, out):
     return tiny_world.convert("argoverse1", log, out)
 
 
-@pytest.mark.parametrize("order", "<>")
-def test_a_log_becomes_a_recording_with_truth(tmp_path, order):
-    out = convert(write_log(tmp_path, order), tmp_path / "out")
+def test_a_log_becomes_a_recording_with_truth(tmp_path):
+    out = convert(write_log(tmp_path), tmp_path / "out")
     points = tiny_world.check_recording(out, "egovehicle").columns[0]
     assert (points["intensity"] == 12).all()
     assert (points["ring"] == 31).all()
@@ -86,11 +84,11 @@ SWEEP = f"lidar/PC_{STAMP}.ply"
     ("file", "change", "message"),
     [
         (SWEEP, 900, "cannot be read: buffer is smaller"),
-        (SWEEP, 40, "expected a binary PLY file"),
-        (SWEEP, (b"binary_little_endian", b"ascii"), "binary"),
+        (SWEEP, 40, "expected a little-endian PLY"),
+        (SWEEP, (b"binary_little_endian", b"ascii"), "little-endian"),
         (SWEEP, (b"property uchar", b"property list a"), "list"),
         (SWEEP, (b"double x", b"double u"), "it has no 'x'"),
-        (SWEEP, (b"vertex", b"camera"), "expected a binary PLY"),
+        (SWEEP, (b"vertex", b"camera"), "expected a little-endian PLY"),
         (f"{POSES}_{STAMP}.json", b"[]", "holds a list, expected a dict"),
         (f"{POSES}_{STAMP}.json", b"{}", "it has no 'rotation'"),
         (f"{POSES}_{STAMP}.json", (b'ion": [', b'ion": [NaN,'), "quaternion"),

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.errors import DatasetError
-
 pa = pytest.importorskip("pyarrow")
 feather = pytest.importorskip("pyarrow.feather")
 LIDAR = "sensors/lidar"
@@ -69,8 +67,8 @@ def write_annotations(path, stamps):
     write_feather(path, columns)
 
 
-def convert(log, out, **options):
-    return tiny_world.convert("argoverse2", log, out, **options)
+def convert(log, out):
+    return tiny_world.convert("argoverse2", log, out)
 
 
 def test_a_log_becomes_a_recording_with_truth(tmp_path):
@@ -84,48 +82,6 @@ def test_a_log_becomes_a_recording_with_truth(tmp_path):
 def test_a_log_without_annotations_has_no_valid_flow(tmp_path):
     found = tiny_world.read(convert(write_log(tmp_path, annotations=False), tmp_path / "out"))
     assert not any(truth.valid.any() for truth in found.truth)
-
-
-def write_labels(folder, columns, category=19):
-    """Flow in files with the columns of the official tools, or with those of others."""
-    for index in range(tiny_world.NUM_SWEEPS - 1):
-        tiny = tiny_world.sweep(index)
-        flow = tiny_world.expected_flow(index, tiny.xyz, tiny.part).astype(np.float16)
-        found = {f"flow_t{axis}_m": flow[:, column] for column, axis in enumerate("xyz")}
-        valid, is_car = tiny.part != tiny_world.GONE, np.isin(tiny.part, (1, 2, 4, 5))
-        if columns == "official":
-            found |= {"is_valid": valid, "is_dynamic": tiny_world.moves(tiny.part)}
-            found["category_indices"] = np.where(is_car, category, 0).astype(np.uint8)
-        else:
-            found |= {"valid": valid, "classes_0": np.where(is_car, 18, -1).astype(np.int8)}
-        write_feather(folder / f"{tiny_world.stamp_ns(index)}.feather", found)
-    return folder
-
-
-@pytest.mark.parametrize("columns", ["official", "other"])
-def test_flow_labels_replace_the_boxes(tmp_path, columns):
-    labels = write_labels(tmp_path / "labels", columns)
-    out = convert(write_log(tmp_path), tmp_path / "out", labels=labels)
-    # Labels are in half precision.
-    tiny_world.check_recording(out, "egovehicle", tolerance=2e-3)
-    (labels / f"{tiny_world.stamp_ns(1)}.feather").unlink()
-    found = tiny_world.read(convert(tmp_path / "log", tmp_path / "first", labels=labels))
-    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
-
-
-def test_labels_that_do_not_fit_are_refused(tmp_path):
-    log = write_log(tmp_path)
-    labels = write_labels(tmp_path / "labels", "official", category=31)
-    path = labels / f"{tiny_world.stamp_ns(0)}.feather"
-    with pytest.raises(DatasetError, match=rf"{path.name}: cannot be read: category number 31"):
-        convert(log, tmp_path / "out", labels=labels)
-    feather.write_feather(feather.read_table(path).slice(7), path)
-    num_points = len(tiny_world.sweep(0).xyz)
-    with pytest.raises(DatasetError, match=rf"has {num_points - 7} rows for {num_points} points"):
-        convert(log, tmp_path / "out", labels=labels)
-    path.rename(labels / "5.feather")
-    with pytest.raises(DatasetError, match=r"5\.feather: its name is the stamp of no sweep"):
-        convert(log, tmp_path / "out", labels=labels)
 
 
 STAMP = tiny_world.stamp_ns(1)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mnsf_ros.datasets.source_files import read_float_rows, read_npz
 from mnsf_ros.errors import DatasetError
+from mnsf_ros.sweeps_io.files import read_float_rows, read_npz
 
 pytestmark = pytest.mark.slow
 XYZ = np.arange(12, dtype=np.float32).reshape(4, 3)

@@ -16,13 +16,13 @@ def test_what_is_no_file_is_named_before_it_is_read(tmp_path, name, text):
     os.mkfifo(tmp_path / "pipe")
     with (
         pytest.raises(DatasetError, match=f"{name}: (is )?{text}"),
-        reading(tmp_path / name, kind=DatasetError),
+        reading(tmp_path / name),
     ):
         (tmp_path / name).read_bytes()
 
 
 def written(path, write=lambda draft: draft.write_bytes(b"new"), **options):
-    with new_file(path, DatasetError, **options) as draft:
+    with new_file(path, **options) as draft:
         write(draft)
 
 
