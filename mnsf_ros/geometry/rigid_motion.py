@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.errors import SweepError
 
 Floating = TypeVar("Floating", np.float32, np.float64)
 
@@ -63,18 +62,11 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
 
     It is float32, in metres per sweep interval, computed in float64. Rows that are not finite stay
     so.
-
-    Raises:
-        SweepError: A shape does not fit, or the transform is not finite.
     """
-    _check_columns("xyz", xyz)
-    transform = np.asarray(next_from_current, dtype=np.float64)
-    if transform.shape != (4, 4) or not np.isfinite(transform).all():
-        raise SweepError(f"next_from_current is {transform.tolist()}, expected (4, 4) finite")
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-    turn = transform[:3, :3] - np.eye(3)
+    turn = next_from_current[:3, :3] - np.eye(3)
     with np.errstate(over="ignore", invalid="ignore"):
-        flow = turned(xyz.astype(np.float64), turn) + transform[:3, 3]
+        flow = turned(xyz.astype(np.float64), turn) + next_from_current[:3, 3]
         return flow.astype(np.float32)
 
 
@@ -84,15 +76,9 @@ def residual_flow(
     """Returns the flow (N, 3) without ego motion.
 
     It is float32, in metres per sweep interval, in the axes of the *next* sweep's sensor frame.
-
-    Raises:
-        SweepError: A shape does not fit, or the transform is not finite.
     """
-    _check_pair(xyz, flow)
-    rigid = rigid_flow(xyz, next_from_current)
     with np.errstate(over="ignore", invalid="ignore"):
-        residual: NDArray[np.float32] = (flow - rigid).astype(np.float32, copy=False)
-    return residual
+        return np.asarray(flow - rigid_flow(xyz, next_from_current), dtype=np.float32)
 
 
 def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
@@ -105,11 +91,7 @@ def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float6
     Rows that are not finite and far outliers are left out. Where points do not fix a rotation
     (fewer than three, or all on one line) the result is a pure translation, without points the
     identity. It is never a reflection.
-
-    Raises:
-        SweepError: A shape is not (N, 3), or the two differ.
     """
-    _check_pair(xyz, flow)
     source, moved = _usable(xyz, flow)
     if len(source) == 0:
         return np.eye(4)
@@ -184,14 +166,3 @@ def _usable(
         rows = np.random.default_rng(0).choice(rows, _MAX_POINTS, replace=False)
     source = xyz[rows].astype(np.float64)
     return source, source + flow[rows]
-
-
-def _check_columns(name: str, array: NDArray[Any]) -> None:
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise SweepError(f"{name}: got shape {array.shape}, expected (N, 3)")
-
-
-def _check_pair(xyz: NDArray[Any], flow: NDArray[Any]) -> None:
-    _check_columns("xyz", xyz)
-    if flow.shape != xyz.shape:
-        raise SweepError(f"flow: got shape {flow.shape}, expected that of xyz, {xyz.shape}")

@@ -128,16 +128,12 @@ def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[
         ValueError: A shape differs or a quaternion is 0.
     """
     quaternions = np.asarray(wxyz, dtype=np.float64)
-    positions = np.asarray(translations, dtype=np.float64)
-    if quaternions.shape[-1:] != (4,) or positions.shape != (*quaternions.shape[:-1], 3):
-        raise ValueError(f"quaternion {quaternions.shape} and position {positions.shape}")
-    poses = np.zeros((*quaternions.shape[:-1], 4, 4))
+    outer = quaternions.shape[:-1]
+    poses = np.tile(np.eye(4), (*outer, 1, 1))
+    poses[..., :3, 3] = np.reshape(translations, (*outer, 3))
     if quaternions.size:
-        xyzw = np.roll(quaternions.reshape(-1, 4), -1, axis=1)
-        matrices = Rotation.from_quat(xyzw).as_matrix()
-        poses[..., :3, :3] = matrices.reshape(*quaternions.shape[:-1], 3, 3)
-    poses[..., :3, 3] = positions
-    poses[..., 3, 3] = 1.0
+        turns = Rotation.from_quat(np.roll(quaternions.reshape(-1, 4), -1, axis=1))
+        poses[..., :3, :3] = turns.as_matrix().reshape(*outer, 3, 3)
     return poses
 
 

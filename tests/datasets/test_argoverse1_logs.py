@@ -91,7 +91,7 @@ SWEEP = f"lidar/PC_{STAMP}.ply"
         (SWEEP, (b"vertex", b"camera"), "expected a little-endian PLY"),
         (f"{POSES}_{STAMP}.json", b"[]", "holds a list, expected a dict"),
         (f"{POSES}_{STAMP}.json", b"{}", "it has no 'rotation'"),
-        (f"{POSES}_{STAMP}.json", (b'ion": [', b'ion": [NaN,'), "quaternion"),
+        (f"{POSES}_{STAMP}.json", (b'ion": [', b'ion": [NaN,'), "cannot reshape"),
         (f"{BOXES}_{STAMP}.json", b'[{"center": 1}]', "it has no 'rotation'"),
         (f"{BOXES}_{STAMP}.json", (b'"width": ', b'"width": -'), "its size is"),
     ],

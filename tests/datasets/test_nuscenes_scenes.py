@@ -163,7 +163,7 @@ NAN_ROW = np.full(5, np.nan, "<f4").tobytes()
         (TABLE + "sample.json", b"[1]", "'int' object is not subscriptable"),
         (TABLE + "sensor.json", b'[{"token": "a"}]', "it has no 'channel'"),
         (TABLE + "ego_pose.json", b"[]", "it has no 'e"),
-        (TABLE + "ego_pose.json", (b'ion": [', b'ion": [1,'), "quaternion"),
+        (TABLE + "ego_pose.json", (b'ion": [', b'ion": [1,'), "cannot reshape"),
         (TABLE + "ego_pose.json", (b'lation": [\n', b'lation": [NaN,'), ""),
         (TABLE + "sample_annotation.json", (b"4.0,", b"-4.0,"), "size is"),
         (TABLE + "sample_annotation.json", (b"parked", b"mover"), "twice"),

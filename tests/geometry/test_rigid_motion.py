@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 from mnsf_ros.geometry.transforms import invert
 
@@ -125,22 +122,3 @@ def test_without_points_it_is_the_identity_and_results_repeat():
     xyz = make_points(30_000)  # of which a random part is taken
     flow = exact_flow(xyz, make_motion()) + 0.01 * np.sin(xyz)
     np.testing.assert_array_equal(fit_rigid_motion(xyz, flow), fit_rigid_motion(xyz, flow))
-
-
-@pytest.mark.parametrize(
-    ("xyz", "flow", "text"),
-    [
-        ((4, 2), (4, 2), "xyz: got shape (4, 2), expected (N, 3)"),
-        ((4, 3), (5, 3), "flow: got shape (5, 3), expected that of xyz, (4, 3)"),
-    ],
-)
-def test_shapes_that_do_not_fit_are_refused(xyz, flow, text):
-    for function in (fit_rigid_motion, lambda *rows: residual_flow(*rows, np.eye(4))):
-        with pytest.raises(SweepError, match=f"^{re.escape(text)}$"):
-            function(np.ones(xyz), np.ones(flow))
-
-
-@pytest.mark.parametrize("motion", [np.eye(2), np.full((4, 4), np.inf)])
-def test_unusable_transforms_are_refused(motion):
-    with pytest.raises(SweepError, match=r"^next_from_current is \[\[.*, expected \(4, 4\) finite"):
-        rigid_flow(np.ones((2, 3)), motion)

@@ -65,5 +65,5 @@ def test_poses_from_quaternions():
     np.testing.assert_allclose(found, pose(1, 2, 3, yaw_deg=90), atol=1e-12)
     assert poses_from_quaternions(np.zeros((0, 4)), np.zeros((0, 3))).shape == (0, 4, 4)
     for quaternion, position in (([0, 0, 0, 0], [0] * 3), ([1, 0, 0], [0] * 3), ([1] * 4, [0])):
-        with pytest.raises(ValueError, match=r"norm|quaternion"):
+        with pytest.raises(ValueError, match=r"norm|reshape"):
             poses_from_quaternions(quaternion, position)
