@@ -28,7 +28,7 @@ from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 FLOW_TOPIC: Final = "/scene_flow/flow"
 FIRST_NS: Final = 10**18
@@ -55,7 +55,7 @@ def serialized(sweep: Sweep) -> bytearray:
     """Returns the serialized message of a sweep, with an intensity."""
     columns = {axis: np.ascontiguousarray(sweep.xyz[:, i]) for i, axis in enumerate("xyz")}
     columns["intensity"] = np.zeros(len(sweep), np.float32)
-    encoding = encoding_of_columns(columns, 1, len(sweep))
+    encoding = encode_columns(columns, 1, len(sweep))
     return bytearray(serialized_cloud(Header(frame_id="lidar"), encoding, is_dense=True))
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from msg_utils.cloud_layout import CloudEncoding
+from msg_utils.cloud_layout import EncodedCloud
 
 # Any object with `stamp` and `frame_id`, as std_msgs/Header has.
 HeaderLike: TypeAlias = Any
@@ -17,12 +17,12 @@ HeaderLike: TypeAlias = Any
 _ENCAPSULATION: Final = b"\x00\x01\x00\x00"
 
 
-def serialized_cloud(header: HeaderLike, encoding: CloudEncoding, *, is_dense: bool) -> bytes:
+def serialized_cloud(header: HeaderLike, cloud: EncodedCloud, *, is_dense: bool) -> bytes:
     """Returns the serialized message of a cloud, its points written in place.
 
     The bytes are those of rclpy, which copies the points three times.
     """
-    start, num_bytes = _before_data(header, encoding), encoding.layout.num_bytes
+    start, num_bytes = _before_data(header, cloud), cloud.num_bytes
     # The one way to write into the memory of a `bytes`, as publishers need it: `getvalue` does not
     # copy.
     stream = io.BytesIO()
@@ -30,28 +30,28 @@ def serialized_cloud(header: HeaderLike, encoding: CloudEncoding, *, is_dense: b
     stream.seek(num_bytes, io.SEEK_CUR)
     stream.write(bytes([is_dense]))
     with stream.getbuffer() as view:
-        encoding.write(np.frombuffer(view, np.uint8, num_bytes, len(start)))
+        cloud.write(np.frombuffer(view, np.uint8, num_bytes, len(start)))
     return stream.getvalue()
 
 
-def _before_data(header: HeaderLike, encoding: CloudEncoding) -> bytes:
+def _before_data(header: HeaderLike, cloud: EncodedCloud) -> bytes:
     """Returns the bytes before those of the points."""
-    layout, out = encoding.layout, bytearray()
+    out = bytearray()
     _append(out, "i", header.stamp.sec)
     _append(out, "I", header.stamp.nanosec)
     _append_text(out, header.frame_id)
-    _append(out, "I", layout.height)
-    _append(out, "I", layout.width)
-    _append(out, "I", len(layout.fields))
-    for field in layout.fields:
+    _append(out, "I", cloud.height)
+    _append(out, "I", cloud.width)
+    _append(out, "I", len(cloud.fields))
+    for field in cloud.fields:
         _append_text(out, field.name)
         _append(out, "I", field.offset)
         _append(out, "B", field.datatype)
         _append(out, "I", field.count)
-    _append(out, "?", layout.is_bigendian)
-    _append(out, "I", layout.point_step)
-    _append(out, "I", layout.row_step)
-    _append(out, "I", layout.num_bytes)
+    _append(out, "?", cloud.is_bigendian)
+    _append(out, "I", cloud.point_step)
+    _append(out, "I", cloud.row_step)
+    _append(out, "I", cloud.num_bytes)
     return _ENCAPSULATION + bytes(out)
 
 

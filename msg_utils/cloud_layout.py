@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -102,16 +103,6 @@ class CloudLayout:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class EncodedCloud(CloudLayout):
-    """A cloud without header and `is_dense`; decodes like a message.
-
-    `data` is (height * row_step,) uint8 in one piece and of its own memory, rows without padding.
-    """
-
-    data: npt.NDArray[np.uint8]
-
-
 def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[np.uint8]:
     """Views the data of a cloud as read-only bytes, without a copy.
 
@@ -138,15 +129,13 @@ def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[n
 
 
 @dataclass(frozen=True, eq=False)
-class CloudEncoding:
-    """The layout of a cloud without padding of rows, and the sources of its bytes.
+class EncodedCloud(CloudLayout):
+    """A cloud without header and `is_dense`, rows without padding; decodes like a message.
 
     Attributes:
-        layout: The layout.
         sources: Places in a point, types there, and values (height * width,).
     """
 
-    layout: CloudLayout
     sources: Sequence[tuple[int, npt.DTypeLike, npt.NDArray[Any]]]
 
     @classmethod
@@ -159,8 +148,8 @@ class CloudEncoding:
         *,
         is_bigendian: bool = False,
         kept: npt.NDArray[Any] | None = None,
-    ) -> CloudEncoding:
-        """Returns the encoding of a cloud of a height and a width.
+    ) -> EncodedCloud:
+        """Returns the cloud of a height and a width.
 
         The columns are its last fields; `kept` (height * width,) are the first bytes of each point.
 
@@ -173,7 +162,6 @@ class CloudEncoding:
         checked_integer(point_step, "encoded point_step", POINT_STEP_MAX)
         row_step = checked_integer(width * point_step, "encoded row_step")
         checked_integer(height * row_step, "encoded size")
-        layout = CloudLayout(height, width, fields, is_bigendian, point_step, row_step)
         added = fields[len(fields) - len(columns) :]
         sources: list[tuple[int, npt.DTypeLike, npt.NDArray[Any]]] = [
             (field.offset, field.scalar.newbyteorder(">" if is_bigendian else "<"), column)
@@ -181,21 +169,22 @@ class CloudEncoding:
         ]
         if kept is not None and kept.itemsize:
             sources.insert(0, (0, kept.dtype, kept))
-        return cls(layout, sources)
+        return cls(height, width, fields, is_bigendian, point_step, row_step, sources)
 
-    def encoded(self) -> EncodedCloud:
-        """Returns the cloud with data of its own memory."""
-        data = np.zeros(self.layout.num_bytes, np.uint8)
+    @cached_property
+    def data(self) -> npt.NDArray[np.uint8]:
+        """The bytes of the points, (height * row_step,), of their own memory."""
+        data = np.zeros(self.num_bytes, np.uint8)
         self.write(data)
-        return EncodedCloud(**vars(self.layout), data=data)
+        return data
 
     def write(self, data: npt.NDArray[np.uint8]) -> None:
-        """Fills `layout.num_bytes` bytes, which must be 0."""
-        number, step = self.layout.num_points, (self.layout.point_step,)
+        """Fills `num_bytes` bytes, which must be 0."""
+        number = self.num_points
         if number == 0:
             return
         pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = [
-            (np.ndarray(number, dtype, data, offset, step), source)
+            (np.ndarray(number, dtype, data, offset, (self.point_step,)), source)
             for offset, dtype, source in self.sources
         ]
         for start in range(0, number, _BLOCK_POINTS):

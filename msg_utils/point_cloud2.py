@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from msg_utils.cloud_layout import (
-    CloudEncoding,
     CloudLayout,
     Columns,
+    EncodedCloud,
     PointCloudLike,
     read_only_bytes,
 )
@@ -68,15 +68,20 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
     return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
 
 
-def encoding_with_columns(
-    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str
-) -> CloudEncoding:
+def encode_with_columns(
+    cloud: PointCloudLike,
+    columns: Columns,
+    *,
+    clash_prefix: str,
+    rows: npt.NDArray[np.intp] | None = None,
+) -> EncodedCloud:
     """Returns the encoding of a cloud with further fields for every point.
 
     All fields of the cloud keep offset, datatype, count and the exact bytes of their values, also
     where they overlap or repeat a name; points keep their order, the cloud its byte order. New
     fields follow the last one, each at a multiple of its size. A field of the cloud with the name
     of a column is renamed, see `clash_names`. Padding at the end of points and rows is dropped.
+    With `rows` (M,), counted row by row, the cloud has only these points, in one row.
 
     Raises:
         MessageError: The cloud cannot be decoded, or a column does not fit it.
@@ -86,21 +91,24 @@ def encoding_with_columns(
     others = clash_names([field.name for field in layout.fields], columns, clash_prefix)
     kept = tuple(replace(field, name=others.get(field.name, field.name)) for field in layout.fields)
     kept_size = fields_end(kept)
-    added = _column_fields(columns, layout.num_points, kept_size, aligned=True)
+    # One opaque element per point: the fastest copy, and no value is interpreted.
+    points = layout.view(buffer, np.dtype((np.void, kept_size)))
+    if rows is not None:
+        points = np.take(points.reshape(1, -1), rows, axis=1)
+    added = _column_fields(columns, points.size, kept_size, aligned=True)
     # Fields stay at multiples of their size from point to point, too.
     largest = max((field.scalar.itemsize for field in added), default=1)
-    return CloudEncoding.of(
-        (layout.height, layout.width),
+    return EncodedCloud.of(
+        (points.shape[0], points.shape[1]),
         kept + added,
         _round_up(fields_end(kept + added), largest),
         columns,
         is_bigendian=layout.is_bigendian,
-        # One opaque element per point: the fastest copy, and no value is interpreted.
-        kept=layout.view(buffer, np.dtype((np.void, kept_size))).reshape(-1),
+        kept=points.reshape(-1),
     )
 
 
-def encoding_of_columns(columns: Columns, height: int, width: int) -> CloudEncoding:
+def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
     """Returns the encoding of a little-endian cloud of columns, in their order and without gaps.
 
     Raises:
@@ -108,7 +116,7 @@ def encoding_of_columns(columns: Columns, height: int, width: int) -> CloudEncod
     """
     rows, points_per_row = checked_integer(height, "height"), checked_integer(width, "width")
     fields = _column_fields(columns, rows * points_per_row, 0, aligned=False)
-    return CloudEncoding.of((rows, points_per_row), fields, fields_end(fields), columns)
+    return EncodedCloud.of((rows, points_per_row), fields, fields_end(fields), columns)
 
 
 def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> dict[str, str]:

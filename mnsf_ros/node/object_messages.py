@@ -21,7 +21,7 @@ from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from msg_utils.cdr import serialized_cloud
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 Objects: TypeAlias = Sequence[TrackedObject]
 # Of packages unknown to a type checker: a module of messages, and a message.
@@ -37,7 +37,7 @@ _TEXT_HEIGHT_M: Final = 0.7
 
 def objects_cloud(header: Header, objects: Objects) -> bytes:
     """Returns the serialized cloud of objects: one row, a point each, fields OBJECT_ROW."""
-    encoding = encoding_of_columns(object_columns(objects), 1, len(objects))
+    encoding = encode_columns(object_columns(objects), 1, len(objects))
     return serialized_cloud(header, encoding, is_dense=True)
 
 

@@ -29,9 +29,9 @@ from mnsf_ros.recording.bag_topics import (
 )
 from mnsf_ros.recording.flow_truth import TrueSweep
 from msg_utils.cdr import serialized_cloud
-from msg_utils.cloud_layout import CloudEncoding
+from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.errors import checked_integer
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 from msg_utils.stamps import encode_stamp
 
 _LATEST_NS: Final = 2**63 - 1
@@ -137,7 +137,7 @@ class BagWriter:
     def write_cloud(
         self,
         topic: str,
-        cloud: CloudEncoding,
+        cloud: EncodedCloud,
         stamp_ns: int,
         frame_id: str,
         *,
@@ -160,7 +160,7 @@ class BagWriter:
         """
         xyz, truth = sweep.xyz, sweep.truth
         axes = {name: xyz[:, axis] for axis, name in enumerate("xyz")}
-        points = encoding_of_columns({**axes, **sweep.columns}, 1, len(xyz))
+        points = encode_columns({**axes, **sweep.columns}, 1, len(xyz))
         is_dense = bool(np.isfinite(xyz).all())
         is_known = is_dense and bool(truth.valid.all())
         self.write_cloud(POINTS_TOPIC, points, truth.stamp_ns, frame_id, is_dense=is_dense)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from msg_utils.cloud_layout import CloudEncoding, PointCloudLike
+from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, encoding_of_columns
+from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.stamps import decode_stamp
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
@@ -78,7 +78,7 @@ class FlowTruth:
         known = {name: getattr(self, name) for name in names}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
-    def encode(self, xyz: NDArray[np.floating[Any]]) -> CloudEncoding:
+    def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
         """Returns the truth and the (N, 3) points, metres, as a cloud that viewers can show.
 
         Raises:
@@ -94,7 +94,7 @@ class FlowTruth:
         columns |= {name: getattr(self, name).astype(np.uint8) for name in _FLAGS}
         if self.object_id is not None:
             columns[_OBJECT] = self.object_id.astype(np.uint32)
-        return encoding_of_columns(columns, 1, len(self))
+        return encode_columns(columns, 1, len(self))
 
     @classmethod
     def decode(cls, message: PointCloudLike) -> FlowTruth:

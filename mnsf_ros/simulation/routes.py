@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,12 +165,6 @@ class EgoMotion:
         return pose
 
 
-def draw_sway(rng: np.random.Generator) -> FloatArray:
-    """Returns the sway of a car on its springs, see `EgoMotion`."""
-    amplitudes = np.array([0.0020, 0.0015, 0.010])
-    return np.stack([amplitudes, rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)], 1)
-
-
 @dataclass(frozen=True)
 class _Track:
     """Discs (T, K, 2) that cover a footprint over time, and their bounding box."""
@@ -190,12 +184,11 @@ class Clearance:
         self._margin_m = margin_m
         self._tracks: list[_Track] = []
 
-    def accept(self, trip: Trip, length_m: float, width_m: float) -> bool:
-        """Adds the trip of a rectangle and returns True, or False if it meets an accepted one."""
-        return self.accept_together([(trip, length_m, width_m)])
+    def accept(self, *rectangles: tuple[Trip, float, float]) -> bool:
+        """Adds trips of rectangles, length and width, that go together; they may touch each other.
 
-    def accept_together(self, rectangles: Iterable[tuple[Trip, float, float]]) -> bool:
-        """As `accept`, for things that may touch each other: all or none of them."""
+        Returns False, and adds none of them, if one meets an accepted trip.
+        """
         tracks = [self._track(*rectangle) for rectangle in rectangles]
         if any(_meet(track, other) for track in tracks for other in self._near(track)):
             return False

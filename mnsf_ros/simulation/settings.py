@@ -4,20 +4,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.setting import Setting, check_declared, declared, settings_of
+from mnsf_ros.setting import check_declared, declared, settings_of
 
 Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
 SCENARIOS = ("street", "random", "standing")
 _OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario")
+# Of a random world: names to shares, and to the lowest and highest speed.
+_PLACES = {"street": 0.35, "crossing": 0.2, "country road": 0.15, "square": 0.2, "tunnel": 0.1}
+_EGOS = {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
+_SPEEDS_M_S = {
+    "standing": (0.0, 0.0),
+    "on foot": (0.5, 1.8),
+    "driving": (3.0, 15.0),
+    "fast": (15.0, 25.0),
+}
+_BEHAVIOURS = {"steady": 0.5, "brakes": 0.2, "starts": 0.15, "changes": 0.15}
+_NUMBERS = {0.0: 0.1, 4.0: 0.3, 12.0: 0.35, 30.0: 0.25}
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class SimulationSettings:
         if self.num_beams not in BEAM_CHOICES:
             raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
         if self.scenario != "street":
-            for setting in simulation_settings():
+            for setting in settings_of(SimulationSettings):
                 value = getattr(self, setting.name)
                 if setting.name not in _OF_ALL_SCENARIOS and value != setting.default:
                     raise SettingsError(
@@ -56,14 +66,7 @@ class SimulationSettings:
                     )
 
 
-@cache
-def simulation_settings() -> tuple[Setting, ...]:
-    """The declarations of all settings of a simulation, in order."""
-    return tuple(settings_of(SimulationSettings))
-
-
-@dataclass(frozen=True)
-class Scenario:
+class Scenario(NamedTuple):
     """What scenarios differ in; the default is a random world.
 
     Attributes:
@@ -76,32 +79,11 @@ class Scenario:
         level: Share of places without a slope.
     """
 
-    places: Mapping[str, float] = field(
-        default_factory=lambda: {
-            "street": 0.35,
-            "crossing": 0.2,
-            "country road": 0.15,
-            "square": 0.2,
-            "tunnel": 0.1,
-        }
-    )
-    egos: Mapping[str, float] = field(
-        default_factory=lambda: {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
-    )
-    speeds_m_s: Mapping[str, tuple[float, float]] = field(
-        default_factory=lambda: {
-            "standing": (0.0, 0.0),
-            "on foot": (0.5, 1.8),
-            "driving": (3.0, 15.0),
-            "fast": (15.0, 25.0),
-        }
-    )
-    behaviours: Mapping[str, float] = field(
-        default_factory=lambda: {"steady": 0.5, "brakes": 0.2, "starts": 0.15, "changes": 0.15}
-    )
-    numbers: Mapping[float, float] = field(
-        default_factory=lambda: {0: 0.1, 4: 0.3, 12: 0.35, 30: 0.25}
-    )
+    places: Mapping[str, float] = _PLACES
+    egos: Mapping[str, float] = _EGOS
+    speeds_m_s: Mapping[str, tuple[float, float]] = _SPEEDS_M_S
+    behaviours: Mapping[str, float] = _BEHAVIOURS
+    numbers: Mapping[float, float] = _NUMBERS
     reach_m: tuple[float, float] = (-35.0, 55.0)
     level: float = 0.7
 

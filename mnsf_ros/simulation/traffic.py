@@ -140,9 +140,8 @@ class Traffic:
                     replace(first, route=beside, start_arc_m=first.start_arc_m - kind.behind_m)
                 )
             group = [(maker(rng), trip) for maker, trip in zip(kind.makers, trips, strict=True)]
-            if self.clearance.accept_together(
-                (trip, model.length_m, model.width_m) for model, trip in group
-            ):
+            rectangles = ((trip, model.length_m, model.width_m) for model, trip in group)
+            if self.clearance.accept(*rectangles):
                 name = " with ".join(maker.__name__ for maker in kind.makers)
                 yield name, [Body(model, trip) for model, trip in group]
                 found += 1

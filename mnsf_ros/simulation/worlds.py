@@ -28,7 +28,6 @@ from mnsf_ros.simulation.routes import (
     Slope,
     SpeedProfile,
     Trip,
-    draw_sway,
 )
 from mnsf_ros.simulation.sensor import Sensor, drawn_sensor, sensor_of
 from mnsf_ros.simulation.settings import Scenario, SimulationSettings, drawn, scenario_of
@@ -60,7 +59,8 @@ _POSTS: Final[tuple[Maker, ...]] = (
 )
 _PARKED: Final[tuple[Maker, ...]] = (models.car, models.car, models.car, models.van, models.lorry)
 _ON_SQUARE: Final[tuple[Maker, ...]] = (*_POSTS, *_PARKED, models.hedge, models.shelter)
-# Sway over that of a car on its springs.
+# Pitch (rad), roll (rad) and heave (m) of a car on its springs, and sway of others over that.
+_SWAY: Final = np.array([0.0020, 0.0015, 0.010])
 _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
@@ -104,7 +104,7 @@ class _World:
         self._street = self._ground(rng)
         self._ego = self._moving_lidar(rng)
         length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
-        self._clearance.accept(self._ego.trip, length_m, min(length_m, EGO_WIDTH_M))
+        self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
         self._things = list(self._things_at_rest(rng))
 
     def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
@@ -150,7 +150,8 @@ class _World:
         profile = draw_profile(self._speed_m_s, self._scenario.behaviours, rng)
         at_m = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), lateral)[0, 1]))
         shaken = _SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
-        sway = draw_sway(rng) * (shaken, rng.uniform(1.0, 4.0), 1.0)
+        frequency, phase = rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)
+        sway = np.stack([shaken * _SWAY, rng.uniform(1.0, 4.0) * frequency, phase], axis=1)
         height_m = rng.uniform(0.45, 1.3) if on_foot else rng.uniform(1.5, 2.4)
         spread = 0.08 if rng.uniform() < 0.2 else 0.015
         mounting = (rng.normal(0.0, spread), rng.normal(0.0, spread / 2), height_m)
@@ -180,7 +181,7 @@ class _World:
         pose = body.world_from_body(0.0)
         forward = np.array([pose[:2, 3], pose[:2, 3] + pose[:2, 0]])
         trip = Trip(Route.through(forward), SpeedProfile.steady(0.0), 0.0)
-        return self._clearance.accept(trip, body.model.length_m, body.model.width_m)
+        return self._clearance.accept((trip, body.model.length_m, body.model.width_m))
 
     def _row(
         self,

@@ -14,13 +14,12 @@ from mnsf_ros.settings import OutputSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
-from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike
+from msg_utils.cloud_layout import PointCloudLike
 from msg_utils.point_cloud2 import (
     clash_names,
-    decode_points,
     decode_xyz,
-    encoding_of_columns,
-    encoding_with_columns,
+    encode_columns,
+    encode_with_columns,
 )
 from msg_utils.point_times import PointTimes, TimeRule, decode_times
 from msg_utils.stamps import decode_stamp
@@ -77,33 +76,18 @@ def flow_cloud(
     the sweep, the cloud has these only, in one row.
     """
     source: CloudSource = sweep.source
-    cloud, measured, xyz = source.message, source.finite, sweep.xyz
+    cloud, measured, xyz, rows = source.message, source.finite, sweep.xyz, None
+    shape = cloud.height, cloud.width
     if part is not None:
         chosen = np.flatnonzero(part)
-        cloud = _cloud_of(cloud, np.flatnonzero(measured)[chosen])
+        rows, shape = np.flatnonzero(measured)[chosen], (1, len(chosen))
         xyz, estimate, measured = xyz[chosen], estimate.part(chosen), np.ones(len(chosen), np.bool_)
     columns = flow_columns(estimate, interval_s, measured, chosen_columns(output))
     if output.layout == "compact":
-        columns = position_columns(xyz, measured) | columns
-        encoding = encoding_of_columns(columns, cloud.height, cloud.width)
+        encoded = encode_columns(position_columns(xyz, measured) | columns, *shape)
     else:
-        encoding = encoding_with_columns(cloud, columns, clash_prefix=_CLASH_PREFIX)
-    return serialized_cloud(source.message.header, encoding, is_dense=bool(measured.all()))
-
-
-def _cloud_of(cloud: PointCloudLike, rows: NDArray[np.intp]) -> EncodedCloud:
-    """The cloud of some of the points, in one row."""
-    points = np.take(decode_points(cloud).reshape(-1), rows)
-    layout = CloudLayout.from_cloud(cloud)
-    return EncodedCloud(
-        height=1,
-        width=len(rows),
-        fields=layout.fields,
-        is_bigendian=layout.is_bigendian,
-        point_step=layout.point_step,
-        row_step=len(rows) * layout.point_step,
-        data=np.frombuffer(points.tobytes(), np.uint8),
-    )
+        encoded = encode_with_columns(cloud, columns, clash_prefix=_CLASH_PREFIX, rows=rows)
+    return serialized_cloud(cloud.header, encoded, is_dense=bool(measured.all()))
 
 
 def renamed_fields(message: PointCloudLike, output: OutputSettings) -> dict[str, str]:

@@ -16,7 +16,7 @@ from mnsf_ros.settings import LidarsSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource
 from msg_utils.cloud_layout import EncodedCloud
-from msg_utils.point_cloud2 import decode_points, encoding_of_columns
+from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.point_times import PointTimes
 
 # Sweeps of most lidars within the longest wait; each is some megabytes.
@@ -220,7 +220,7 @@ def merged_sweep(
         columns["time"] = times_s
     numbers = np.fromiter((index + 1 for index in sweeps), np.uint8, len(sweeps))
     columns["lidar"] = np.repeat(numbers, [len(sweep) for sweep in sweeps.values()])
-    encoded = encoding_of_columns(columns, 1, len(xyz)).encoded()
+    encoded = encode_columns(columns, 1, len(xyz))
     times = PointTimes(times_s, "several lidars")
     cloud = MergedCloud(**vars(encoded), header=header)
     source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)

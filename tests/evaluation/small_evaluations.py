@@ -25,7 +25,7 @@ from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 SESSION = session_now(["mnsf"])
 FIRST_NS = 1_700_000_000_000_000_000
@@ -102,7 +102,7 @@ def write_recording(path, num_sweeps=6, *, with_truth=True, with_odometry=True, 
         for index in indices:
             points = xyz(index, num_points)
             columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
-            cloud = encoding_of_columns(columns, 1, num_points)
+            cloud = encode_columns(columns, 1, num_points)
             writer.write_cloud("/points", cloud, stamp(index), "lidar")
             if with_truth:
                 known = truth(index, num_points, valid=index != indices[-1]).encode(points)

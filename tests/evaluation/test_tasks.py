@@ -17,7 +17,7 @@ from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for index in range(3):
             columns = dict(zip("xyz", small.xyz(index).T, strict=True))
-            raw = cloud_cdr(encoding_of_columns(columns, 1, 60), 0)
+            raw = cloud_cdr(encode_columns(columns, 1, 60), 0)
             writer.write_raw("/points", "sensor_msgs/msg/PointCloud2", small.stamp(index), raw)
     *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
     assert [row.stamp_ns for row in rows] == [small.stamp(1)]

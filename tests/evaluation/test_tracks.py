@@ -23,7 +23,7 @@ from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import EgoMotionSettings, Settings
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 
 def cloud(index, num_points=60):
@@ -163,7 +163,7 @@ def test_truth_need_not_say_where_its_points_are():
         name: getattr(truth, name).astype(np.uint8)
         for name in ("valid", "dynamic", "ground", "class_id")
     }
-    encoded = encoding_of_columns(columns, 1, 60)
+    encoded = encode_columns(columns, 1, 60)
     truth, _ = matched(cloud_message(encoded, small.stamp(0), "lidar", is_dense=False))
     assert truth is not None
 
@@ -195,7 +195,7 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
     with BagWriter(tmp_path / "drive") as writer:
         for index, values in enumerate(times.values()):
             columns = dict(zip("xyz", small.xyz(index).T, strict=True))
-            encoded = encoding_of_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
+            encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
     with BagReader(tmp_path / "drive") as reader:
         good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)

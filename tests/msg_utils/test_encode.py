@@ -16,16 +16,16 @@ from msg_utils.point_cloud2 import (
     clash_names,
     decode_points,
     decode_xyz,
-    encoding_of_columns,
-    encoding_with_columns,
+    encode_columns,
+    encode_with_columns,
 )
 
 NAN = float("nan")
 XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
 
 
-def encode_with_columns(cloud, columns):
-    return encoding_with_columns(cloud, columns, clash_prefix="my_").encoded()
+def encoded_with(cloud, columns):
+    return encode_with_columns(cloud, columns, clash_prefix="my_")
 
 
 def as_tuples(encoded):
@@ -56,7 +56,7 @@ class TestColumnsAlone:
         columns["intensity"] = np.array([7, 8], np.uint8)
         columns["ring"] = np.array([513, 9], np.uint16)
         columns["time"] = np.array([0.1, 0.2])
-        encoded = encoding_of_columns(columns, 2, 1).encoded()
+        encoded = encode_columns(columns, 2, 1)
         others = [("intensity", 12, 2, 1), ("ring", 13, 4, 1), ("time", 15, 8, 1)]
         assert as_tuples(encoded) == [*XYZ, *others]
         assert (encoded.height, encoded.width, encoded.is_bigendian) == (2, 1, False)
@@ -71,10 +71,10 @@ class TestColumnsAlone:
     def test_sizes_that_no_message_can_state_are_refused(self):
         text = "width is -1, expected an integer from 0 to 4294967295"
         with pytest.raises(MessageError, match=f"^{text}$"):
-            encoding_of_columns({}, 1, -1).encoded()
+            encode_columns({}, 1, -1)
         text = "encoded row_step is 17179869180, expected an integer from 0 to 4294967295"
         with pytest.raises(MessageError, match=f"^{text}$"):
-            encoding_of_columns({"x": floats()}, 0, 2**32 - 1).encoded()
+            encode_columns({"x": floats()}, 0, 2**32 - 1)
 
 
 @pytest.mark.parametrize(
@@ -90,9 +90,9 @@ class TestColumnsAlone:
 def test_columns_that_do_not_fit_are_refused(make_cloud, columns, text):
     cloud = make_cloud([], bytes(8), width=2, point_step=4)
     with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
-        encode_with_columns(cloud, columns)
+        encoded_with(cloud, columns)
     with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
-        encoding_of_columns(columns, 2, 1).encoded()
+        encode_columns(columns, 2, 1)
 
 
 class TestCloudWithColumns:
@@ -104,7 +104,7 @@ class TestCloudWithColumns:
             struct.pack("<ffffHf", NAN, 8, 9, 10, 11, 12),
         ]
         cloud = stack.make_cloud(fields, b"".join(points), width=2, point_step=22)
-        encoded = encode_with_columns(cloud, flow(0.5, NAN))
+        encoded = encoded_with(cloud, flow(0.5, NAN))
         added = [("flow_x", 24, 7, 1), ("flow_y", 28, 7, 1), ("flow_z", 32, 7, 1)]
         assert as_tuples(encoded) == [*fields, *added]
         assert (encoded.point_step, encoded.row_step) == (36, 72)
@@ -117,7 +117,7 @@ class TestCloudWithColumns:
     def test_columns_of_any_byte_order_and_stride(self, make_cloud):
         cloud = make_cloud([("a", 0, 2, 1)], b"\x01\x02", width=2, point_step=1)
         columns = {"b": np.array([1, 2], ">u2"), "c": np.arange(8, dtype=np.int32)[::-4]}
-        encoded = encode_with_columns(cloud, columns)
+        encoded = encoded_with(cloud, columns)
         assert as_tuples(encoded) == [("a", 0, 2, 1), ("b", 2, 4, 1), ("c", 4, 5, 1)]
         assert encoded.data.tobytes() == struct.pack("<BxHiBxHi", 1, 1, 7, 2, 2, 3)
 
@@ -125,7 +125,7 @@ class TestCloudWithColumns:
         fields = [*XYZ, ("flow_x", 12, 7, 1), ("my_flow_x", 16, 7, 1), ("flow_x", 20, 7, 1)]
         point = struct.pack("<ffffff", 1, 2, 3, 4, 5, 6)
         cloud = stack.make_cloud(fields, point, width=1, point_step=24)
-        encoded = encode_with_columns(cloud, flow(0.5))
+        encoded = encoded_with(cloud, flow(0.5))
         names = ["x", "y", "z", "my_my_flow_x", "my_flow_x", "my_my_flow_x"]
         assert [name for name, *_ in as_tuples(encoded)] == [*names, "flow_x", "flow_y", "flow_z"]
         assert encoded.data.tobytes() == point + flow_bytes(0.5)
@@ -136,7 +136,7 @@ class TestCloudWithColumns:
     @pytest.mark.parametrize("fields", [XYZ, []])
     def test_empty_clouds(self, stack, fields, height, width):
         cloud = stack.make_cloud(fields, b"", height=height, width=width, point_step=0)
-        encoded = encode_with_columns(cloud, flow())
+        encoded = encoded_with(cloud, flow())
         assert (encoded.height, encoded.width, encoded.data.size) == (height, width, 0)
         assert encoded.point_step == 12 + 4 * len(fields)
 
@@ -145,7 +145,7 @@ class TestCloudWithColumns:
         for _ in range(60):
             cloud = random_cloud(chance)
             column = np.arange(cloud.height * cloud.width, dtype=np.float32)
-            encoded = encode_with_columns(cloud, {"speed": column})
+            encoded = encoded_with(cloud, {"speed": column})
             assert decode_points(encoded)["speed"].reshape(-1).tolist() == column.tolist()
             for old, new in zip(cloud.fields, encoded.fields[:-1], strict=True):
                 assert vars(old) == asdict(new)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, decode_xyz, encoding_with_columns
+from msg_utils.point_cloud2 import decode_points, decode_xyz, encode_with_columns
 
 XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
 FUNCTIONS = [
     decode_points,
     decode_xyz,
-    lambda cloud: encoding_with_columns(cloud, {}, clash_prefix="").encoded(),
+    lambda cloud: encode_with_columns(cloud, {}, clash_prefix=""),
 ]
 
 

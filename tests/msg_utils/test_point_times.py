@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 from msg_utils.point_times import TimeRule, decode_times
 
 NUM = 500
@@ -19,7 +19,7 @@ ALL = np.ones(NUM, bool)
 
 def cloud_of(**columns):
     xyz = {axis: np.zeros(NUM, np.float32) for axis in "xyz"}
-    return encoding_of_columns({**xyz, **columns}, 1, NUM).encoded()
+    return encode_columns({**xyz, **columns}, 1, NUM)
 
 
 def decoded(*, wanted=ALL, stamp_ns=STAMP_NS, rule=TimeRule(), **columns):  # noqa: B008
@@ -114,7 +114,7 @@ def test_clouds_without_such_a_field_have_no_fault():
     times = decoded(intensity=SWEEP_S.astype(np.float32))
     assert times.times_s is None
     assert times.fault == ""
-    no_points = encoding_of_columns({"t": np.zeros(0, np.uint32)}, 1, 0).encoded()
+    no_points = encode_columns({"t": np.zeros(0, np.uint32)}, 1, 0)
     empty = decode_times(no_points, np.zeros(0, bool), 0)
     assert empty.times_s is None
     assert empty.fault == ""

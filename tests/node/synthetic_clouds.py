@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from msg_utils.cdr import serialized_cloud
-from msg_utils.point_cloud2 import decode_points, encoding_of_columns
+from msg_utils.point_cloud2 import decode_points, encode_columns
 
 INTERVAL_NS = 100_000_000
 
@@ -33,7 +33,7 @@ ADDED_BYTES = 10 * 4
 def cloud_message(columns, *, stamp_ns, frame_id="lidar"):
     """A cloud of columns of equal length."""
     num_points = len(next(iter(columns.values())))
-    encoding = encoding_of_columns(columns, 1, num_points)
+    encoding = encode_columns(columns, 1, num_points)
     header = Header(frame_id=frame_id)
     header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, 10**9)
     return deserialize_message(serialized_cloud(header, encoding, is_dense=True), PointCloud2)

@@ -11,7 +11,7 @@ from bag_messages import cloud_message
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 TOPIC = "/truth/flow"
 
@@ -69,7 +69,7 @@ def test_rows_must_match_the_sweep():
 def test_cloud_that_is_no_truth_is_refused(changes, point_step, text):
     columns = {name: np.ones(3, np.float32) for name in ("flow_x", "flow_y", "flow_z")}
     columns |= dict.fromkeys(("valid", "dynamic", "ground", "class_id"), np.ones(3, np.uint8))
-    encoded = encoding_of_columns(columns | changes, 1, 3)
+    encoded = encode_columns(columns | changes, 1, 3)
     message = cloud_message(encoded, 5, "lidar", is_dense=False)
     message.point_step = point_step or message.point_step
     with pytest.raises(RecordingError, match=text):

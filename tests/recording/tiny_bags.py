@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 from msg_utils.stamps import decode_stamp
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
@@ -33,7 +33,7 @@ def xyz(index, num_points=50):
 
 
 def encoded(points):
-    return encoding_of_columns(
+    return encode_columns(
         {name: points[:, axis] for axis, name in enumerate("xyz")}, 1, len(points)
     )
 

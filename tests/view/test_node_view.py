@@ -28,7 +28,7 @@ from mnsf_ros.sweeps_io.flow_columns import object_columns
 from mnsf_ros.view.node_view import NodeView
 from mnsf_ros.view.page_server import PageServer
 from msg_utils.cdr import serialized_cloud
-from msg_utils.point_cloud2 import encoding_of_columns
+from msg_utils.point_cloud2 import encode_columns
 
 PATIENCE_S = 60.0
 KNOB = "objects.max_speed_m_s"
@@ -92,9 +92,9 @@ class Front:
         place = Odometry(header=header)
         place.pose.pose.position.x, place.pose.pose.orientation.w = float(stamp_s), 1.0
         messages = {
-            "flow": serialized_cloud(header, encoding_of_columns(columns, 1, 3), is_dense=True),
+            "flow": serialized_cloud(header, encode_columns(columns, 1, 3), is_dense=True),
             "objects": serialized_cloud(
-                header, encoding_of_columns(object_columns([item]), 1, 1), is_dense=True
+                header, encode_columns(object_columns([item]), 1, 1), is_dense=True
             ),
             "ego_motion": serialize_message(place),
         }
