@@ -6,7 +6,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -15,6 +15,9 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _DPI: Final = 120
 # They can be told apart with colour blindness, too.
@@ -37,21 +40,13 @@ _STATE_COLORS: Final = {
 }
 
 
-def grouped_bars(
-    title: str, rows: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[float]]]
-) -> bytes:
-    """Draws groups of horizontal bars in R rows.
-
-    Each panel has a title, and groups with R values each, NaN where there is none.
-    """
-    figure = _figure(9.0, 1.2 + 0.5 * len(rows))
+def grouped_bars(title: str, panels: Mapping[str, pd.DataFrame]) -> bytes:
+    """Draws horizontal bars: for each panel a group for each row, a bar for each column."""
+    num_rows = max(len(table) for table in panels.values())
+    figure = _figure(9.0, 1.2 + 0.5 * num_rows)
     axes_of = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
-    for axes, (name, groups) in zip(axes_of, panels.items(), strict=True):
-        for place, (group, values) in enumerate(groups.items()):
-            heights = [row + 0.26 * (place - 1) for row in range(len(rows))]
-            color = _GROUP_COLORS[place % len(_GROUP_COLORS)]
-            axes.barh(heights, values, height=0.24, label=group, color=color)
-        axes.set_yticks(range(len(rows)), list(rows))
+    for axes, (name, table) in zip(axes_of, panels.items(), strict=True):
+        table.plot.barh(ax=axes, width=0.78, color=_GROUP_COLORS, legend=False, xlabel="")
         axes.set_title(name, fontsize=10)
         axes.grid(axis="x", alpha=0.3)
         axes.set_axisbelow(True)
@@ -62,26 +57,24 @@ def grouped_bars(
     return png_bytes(figure)
 
 
-def height_maps(
-    title: str, maps: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64], float]]
-) -> bytes:
+def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
     """Draws the rise of losses in metres above that in the middle, with the same levels for all.
 
-    Each map has (G,) steps, symmetric, 0 in the middle; (G, G) losses, rows along the second
-    direction; and the loss in the middle.
+    Each map has losses: (G,) steps as columns, and as rows along the second direction, symmetric,
+    0 in the middle.
     """
     figure = _figure(4.2 * len(maps) + 1.0, 5.0)
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
-    rises = [np.maximum(losses_m - middle_m, 0.0) for _, losses_m, middle_m in maps.values()]
+    rises = [(losses_m - losses_m.at[0.0, 0.0]).clip(lower=0.0) for losses_m in maps.values()]
     highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
     # Denser near the middle; the same levels for all, so that maps can be compared.
     levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
     norm = BoundaryNorm(levels, 256, extend="max")
-    for axes, (name, (steps, _, middle_m)), rise in zip(panels, maps.items(), rises, strict=True):
-        drawn = axes.contourf(steps, steps, rise, levels, norm=norm, extend="max")
-        axes.contour(steps, steps, rise, levels, colors="white", linewidths=0.4)
+    for axes, (name, losses_m), rise in zip(panels, maps.items(), rises, strict=True):
+        drawn = axes.contourf(rise.columns, rise.index, rise, levels, norm=norm, extend="max")
+        axes.contour(rise.columns, rise.index, rise, levels, colors="white", linewidths=0.4)
         axes.plot(0.0, 0.0, "r+", markersize=10)
-        axes.set(title=f"{name}\nloss {middle_m:.4f} m", aspect="equal")
+        axes.set(title=f"{name}\nloss {losses_m.at[0.0, 0.0]:.4f} m", aspect="equal")
         axes.set_xlabel("step along a random direction")
     panels[0].set_ylabel("step along another one")
     ticks = levels[:: _LEVELS // 8]
@@ -92,42 +85,29 @@ def height_maps(
     return png_bytes(figure)
 
 
-def log_lines(
-    title: str,
-    across: str,
-    sizes: Sequence[int],
-    panels: Mapping[str, Mapping[str, Mapping[str, Mapping[int, float]]]],
-) -> bytes:
+def log_lines(title: str, across: str, panels: Mapping[str, pd.DataFrame]) -> bytes:
     """Draws panels of lines over ascending sizes, with one over the size for comparison.
 
-    Each panel has groups of lines of one colour; each line has values above 0 by their size.
+    Each panel has sizes as rows, and a line for each column (group, name); groups have a colour
+    each. Values are above 0, or NaN.
     """
     figure = _figure(11.0, 5.0)
     axes_of = np.atleast_1d(figure.subplots(1, len(panels)))
-    for axes, (name, groups) in zip(axes_of, panels.items(), strict=True):
-        _draw_log_lines(axes, sizes, groups)
-        axes.set_xlabel(across)
-        axes.set_title(name)
+    for axes, (title_of_panel, lines) in zip(axes_of, panels.items(), strict=True):
+        colors = dict(zip(lines.columns.unique(0), cycle(_SERIES)))
+        looks = dict(zip(lines.columns.unique(1), cycle(_LOOKS)))
+        for (group, name), values in lines.dropna(axis=1, how="all").items():
+            style = dict(zip(("marker", "ls"), looks[name], strict=True))
+            axes.loglog(values.dropna(), color=colors[group], label=f"{group}, {name}", **style)
+        sizes, top = lines.index.to_numpy(), np.nanmax(lines)
+        axes.loglog(sizes, top * sizes[0] / sizes, color="grey", lw=1.0, ls="-.", label="1/N")
+        axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
+        axes.minorticks_off()
+        axes.grid(which="major", alpha=0.3)
+        axes.set(xlabel=across, title=title_of_panel)
     axes_of[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.suptitle(title)
     return png_bytes(figure)
-
-
-def _draw_log_lines(
-    axes: Axes, sizes: Sequence[int], groups: Mapping[str, Mapping[str, Mapping[int, float]]]
-) -> None:
-    top = 0.0
-    for (group, lines), color in zip(groups.items(), cycle(_SERIES)):
-        for (line, values), (mark, dashes) in zip(lines.items(), cycle(_LOOKS)):
-            if values:
-                x, y = list(values), list(values.values())
-                label, top = f"{group}, {line}", max(top, *y)
-                axes.loglog(x, y, color=color, marker=mark, ls=dashes, label=label)
-    guide = [(top or 1.0) * sizes[0] / size for size in sizes]
-    axes.loglog(sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
-    axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
-    axes.minorticks_off()
-    axes.grid(which="major", alpha=0.3)
 
 
 class Panel(NamedTuple):

@@ -9,7 +9,6 @@ optimum, and biases stay. Without that, networks of different scale could not be
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -41,6 +40,8 @@ _TEXT: Final = (
     "over all directions, with the standard deviation between directions."
 )
 
+_SQUARE: Final = "square"
+
 Loss = Callable[[], torch.Tensor]
 # One tensor for each parameter of a network.
 Direction = list[torch.Tensor]
@@ -70,51 +71,29 @@ def run(_name: str, options: StudyOptions) -> StudyResult:
     return _result(found, texts, options.evaluation)
 
 
-@dataclass(frozen=True, eq=False)
-class Landscape:
-    """The loss on a square around an optimum, and its rise along random directions.
+def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> pd.DataFrame:
+    """Measures the loss around the weights of a network.
 
-    Attributes:
-        axis: (G,) steps of the square, symmetric, 0 in the middle.
-        losses_m: (G, G) loss, rows along the second direction.
-        loss_m: Loss at the optimum.
-        radii: (R,) lengths of steps along random directions.
-        rises_m: (M, R) mean rise of the loss a step forth and back along each of M directions.
+    Returns:
+        Columns `kind`, `first_step`, `second_step` and `loss_m`. The kind `square` is a grid of
+        steps along two random directions, symmetric, with 0; `direction N` are steps along one,
+        the loss being the mean of a step forth and back.
     """
-
-    axis: NDArray[np.float64]
-    losses_m: NDArray[np.float64]
-    loss_m: float
-    radii: NDArray[np.float64]
-    rises_m: NDArray[np.float64]
-
-    def numbers(self) -> pd.DataFrame:
-        """Kind, step along the first and second direction, and loss in metres."""
-        names = ("kind", "first_step", "second_step", "loss_m")
-        first, second = (steps.ravel() for steps in np.meshgrid(self.axis, self.axis))
-        parts: list[tuple[object, ...]] = [("square", first, second, self.losses_m.ravel())]
-        for number, rises_m in enumerate(self.rises_m):
-            line = np.zeros(len(self.radii))
-            parts.append((f"direction {number}", self.radii, line, self.loss_m + rises_m))
-        return pd.concat(pd.DataFrame(dict(zip(names, part, strict=True))) for part in parts)
-
-
-def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> Landscape:
-    """Measures the loss around the weights of a network."""
     case, generator = options.case, torch.Generator().manual_seed(options.evaluation.seed)
+    lines: list[tuple[str, float, float, float]] = []
     pair = [random_direction(network, generator) for _ in range(2)]
-    axis = np.linspace(-case.radius, case.radius, case.steps, dtype=np.float64)
+    axis = np.linspace(-case.radius, case.radius, case.steps)
     places = [(x, y) for y in axis for x in axis]
-    losses_m = losses_along(network, loss_of, pair, places).reshape(len(axis), len(axis))
+    for place, loss_m in zip(places, losses_along(network, loss_of, pair, places), strict=True):
+        lines.append((_SQUARE, *place, loss_m))
     radii = case.radius * np.array([0.1, 0.2, 0.5, 1.0])
     there_and_back = [(sign * step,) for step in radii for sign in (1.0, -1.0)]
-    loss_m = float(losses_along(network, loss_of, [], [()])[0])
-    rises_m = []
-    for _ in range(case.directions):
+    for number in range(case.directions):
         direction = random_direction(network, generator)
         losses = losses_along(network, loss_of, [direction], there_and_back)
-        rises_m.append(losses.reshape(-1, 2).mean(axis=1) - loss_m)
-    return Landscape(axis, losses_m, loss_m, radii, np.array(rises_m))
+        for step, loss_m in zip(radii, losses.reshape(-1, 2).mean(axis=1), strict=True):
+            lines.append((f"direction {number}", step, 0.0, loss_m))
+    return pd.DataFrame(lines, columns=["kind", "first_step", "second_step", "loss_m"])
 
 
 def random_direction(network: nn.Module, generator: torch.Generator) -> Direction:
@@ -203,17 +182,21 @@ def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
 
 
 def _result(
-    found: dict[str, Landscape], texts: list[str], evaluation: EvaluationOptions
+    found: dict[str, pd.DataFrame], texts: list[str], evaluation: EvaluationOptions
 ) -> StudyResult:
-    radii = next(iter(found.values())).radii
-    header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
-    cells, parts = [], []
-    for name, item in found.items():
-        pairs = zip(item.rises_m.mean(axis=0), item.rises_m.std(axis=0), strict=True)
-        rises = (f"{mean:.4f} ± {deviation:.4f}" for mean, deviation in pairs)
-        cells.append([name, format_number(item.loss_m, 4), *rises])
-        parts.append(item.numbers().assign(method=name))
-    numbers = pd.concat(parts)[["method", "kind", "first_step", "second_step", "loss_m"]]
+    cells, maps = [], {}
+    header = ["method", "loss (m)"]
+    for name, numbers in found.items():
+        square = numbers[numbers["kind"] == _SQUARE]
+        maps[name] = square.pivot(index="second_step", columns="first_step", values="loss_m")
+        loss_m = maps[name].at[0.0, 0.0]
+        others = numbers[numbers["kind"] != _SQUARE]
+        rises = (others["loss_m"] - loss_m).groupby(others["first_step"])
+        header[2:] = [f"rise at {radius:g} (m)" for radius in rises.groups]
+        pairs = zip(rises.mean(), rises.std(ddof=0), strict=True)
+        texts_of_rises = (f"{mean:.4f} ± {deviation:.4f}" for mean, deviation in pairs)
+        cells.append([name, format_number(loss_m, 4), *texts_of_rises])
+    rows = pd.concat(numbers.assign(method=name) for name, numbers in found.items())
+    rows = rows[["method", "kind", "first_step", "second_step", "loss_m"]]
     table = TextTable(header, cells, "Sharpness: rise of the loss")
-    maps = {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
-    return StudyResult(_TITLE, texts, [table], numbers, height_maps(_TITLE, maps), evaluation)
+    return StudyResult(_TITLE, texts, [table], rows, height_maps(_TITLE, maps), evaluation)

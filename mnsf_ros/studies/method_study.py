@@ -133,12 +133,11 @@ def _result(
         numbers[-1].insert(0, "points", group)
         numbers[-1].insert(0, "method", pd.Series(known))
     panels = {
-        title: {
-            _GROUPS[group]: (table[figure].reindex(named.index) * factor).tolist()
-            for group, table in errors.items()
-        }
+        title: pd.DataFrame(
+            {_GROUPS[group]: table[figure] * factor for group, table in errors.items()}
+        ).reindex(named.index)
         for title, figure, factor in _FIGURES
     }
-    picture = grouped_bars(study.title, list(named.index), panels)
+    picture = grouped_bars(study.title, panels)
     rows = pd.concat(numbers).rename_axis("variant").reset_index()
     return StudyResult(study.title, texts, tables, rows, picture, evaluation)

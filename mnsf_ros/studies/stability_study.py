@@ -159,19 +159,19 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
         "sweep do not change with it. Fits end after the steps of the settings, converged or not, "
         "unless early stopping was asked for."
     )
-    header = ["replaced in", *(f"N = {size:,}" for size in options.case.numbers_of_points), "slope"]
+    sizes = options.case.numbers_of_points
+    header = ["replaced in", *(f"N = {size:,}" for size in sizes), "slope"]
     tables: list[TextTable] = []
-    panels: dict[str, dict[str, dict[str, dict[int, float]]]] = {}
+    panels: dict[str, pd.DataFrame] = {}
     for part, words in _PARTS.items():
-        cells: list[list[str]] = []
-        means = found.groupby(["method", "sweep", "num_points"])[part].mean()
-        panels[words] = {method: {} for method in options.case.method_names}
-        for method, sweep in product(panels[words], SWEEPS):
-            own = means[method, sweep]
-            cells.append([f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)])
-            panels[words][method][sweep] = own[own > 0].to_dict()
+        means = found.pivot_table(part, "num_points", ["method", "sweep"], sort=False)
+        cells = [
+            [f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)]
+            for (method, sweep), own in means.items()
+        ]
         tables.append(TextTable(header, cells, words))
-    picture = log_lines(_TITLE, "points N of each sweep", options.case.numbers_of_points, panels)
+        panels[words] = means.where(means > 0)
+    picture = log_lines(_TITLE, "points N of each sweep", panels)
     return StudyResult(_TITLE, [text], tables, found, picture, options.evaluation)
 
 
