@@ -19,7 +19,7 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.parallel import executor
-from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
+from mnsf_ros.evaluation.recordings import chosen_recordings, short_name
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
@@ -124,8 +124,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = executor(options.workers, options.ray, options.num_gpus)
     topics = (options.points, options.truth, options.odometry)
-    recordings, unreadable = inspected_recordings(options.bags, *topics)
-    given_up += unreadable
+    recordings = chosen_recordings(options.bags, *topics, unreadable=given_up)
     with pool as execute:
         folder = RunFolder(options.out)
         session = session_now(["mnsf", *sys.argv[1:]])

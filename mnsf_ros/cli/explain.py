@@ -12,7 +12,7 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import choose_topics, short_name
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.report.explanation import explain
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -58,8 +58,7 @@ def _place(text: str) -> tuple[float, float]:
 
 def run_explain(options: argparse.Namespace) -> None:
     """Prints the decision."""
-    name = short_name(options.bag)
-    recording = choose_topics(options.bag, name, options.points, odometry=options.odometry)
+    (recording,) = chosen_recordings([options.bag], options.points, None, options.odometry)
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
     place = options.stamp, options.at

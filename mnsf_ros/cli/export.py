@@ -4,19 +4,28 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.datasets.argoverse2_submission import submission
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.evaluation.exported_sweeps import exported_sweeps
-from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
+from mnsf_ros.evaluation.outcomes import estimated
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
+from mnsf_ros.online.stream import Stream
+from mnsf_ros.sweeps.kept_points import ground_mask
+from mnsf_ros.sweeps.sweep import Sweep
 
 _EPILOG: Final = """\
 formats:
@@ -51,13 +60,12 @@ def add_export(arguments: Arguments) -> str:
 
 def run_export(options: argparse.Namespace) -> None:
     """Writes the estimates."""
-    named = named_recordings(options.bags)
-    for name, path in named:
-        if "/" in name:
-            raise DatasetError(f"{path}: has the name of another recording; export them apart")
-    recordings = [
-        choose_topics(path, name, options.points, odometry=options.odometry) for name, path in named
-    ]
+    recordings = chosen_recordings(options.bags, options.points, None, options.odometry)
+    for recording in recordings:
+        if "/" in recording.name:
+            raise DatasetError(
+                f"{recording.name}: has the name of another recording; export them apart"
+            )
     _FORMATS[options.format](options, recordings, EvaluationOptions(chosen_settings(options)))
 
 
@@ -103,7 +111,7 @@ _FORMATS: Final = {"opensceneflow": _export_open_scene_flow, "argoverse2": _expo
 def _export(
     recording: EvaluatedRecording,
     method: str,
-    settings: EvaluationOptions,
+    options: EvaluationOptions,
     write: Callable[[ExportedSweep], None],
     target: str,
 ) -> None:
@@ -111,7 +119,7 @@ def _export(
     num_sweeps = num_estimated = 0
     with counting_progress(console) as progress:
         task = progress.add_task(f"estimating {recording.name}", total=recording.num_sweeps)
-        for sweep in exported_sweeps(recording, method, settings, console.warn):
+        for sweep in _exported_sweeps(recording, method, options, console):
             write(sweep)
             num_sweeps += 1
             num_estimated += sweep.estimate is not None
@@ -121,3 +129,59 @@ def _export(
         f"{method}",
         soft_wrap=True,
     )
+
+
+def _exported_sweeps(
+    recording: EvaluatedRecording,
+    method: str,
+    options: EvaluationOptions,
+    console: Console,
+) -> Iterator[ExportedSweep]:
+    """Yields the sweeps in stamp order, and tells of sweeps without an estimate and of damage.
+
+    Poses and ground are those of the recording, else those of the method and of the settings.
+
+    Raises:
+        DatasetError: The pose of a sweep is not known.
+        MnsfError: The recording cannot be read, or there is no such method.
+    """
+    stream = Stream(options.settings, method)
+    options = options.for_methods([EvaluatedMethod(method, stream.traits)], pairs=True)
+    findings, ground = Findings(), options.settings.ground
+    following: tuple[Sweep, NDArray[np.float64]] | None = None
+
+    def without_flow(sweep: Sweep, pose: NDArray[np.float64]) -> ExportedSweep:
+        return ExportedSweep(sweep, ground_mask(sweep.xyz, ground), pose)
+
+    with recording.open() as reader:
+        for example in read_examples(reader, recording, options, findings):
+            current, truth = example.triplet.current, example.truth
+            if following is not None and following[0].stamp_ns != current.stamp_ns:
+                yield without_flow(*following)
+            result = estimated(stream, example).result
+            estimate = result if isinstance(result, FlowEstimate) else None
+            if estimate is None:
+                console.warn(f"no estimate at stamp {current.stamp_ns}: {result}")
+            pose, motion = _poses(example, estimate)
+            is_ground = ground_mask(current.xyz, ground) if truth is None else truth.ground
+            interval_s = example.triplet.interval_s
+            yield ExportedSweep(current, is_ground, pose, motion, interval_s, estimate, truth)
+            following = example.triplet.next, pose @ np.linalg.inv(motion)
+    if following is not None:
+        yield without_flow(*following)
+    for damage in findings.damages:
+        console.warn(str(damage))
+
+
+def _poses(
+    example: Example, estimate: FlowEstimate | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    current, motion = example.triplet.current, example.triplet.next_from_current
+    if current.odometry is not None and motion is not None:
+        return current.odometry, motion
+    if estimate is None or estimate.over_ground is None:
+        raise DatasetError(
+            f"{example.recording}: no pose at stamp {current.stamp_ns}; expected odometry, or a "
+            "method that estimates the ego motion, such as online"
+        )
+    return estimate.over_ground.world_from_sensor, estimate.over_ground.next_from_current

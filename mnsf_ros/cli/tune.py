@@ -11,7 +11,7 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import parse_assignments
 from mnsf_ros.tuning.tune import TuneOptions, check_optuna, tune
@@ -46,9 +46,7 @@ def run_tune(options: argparse.Namespace) -> None:
     if start.method.name != "online":
         raise SettingsError(f"method.name: got {start.method.name!r}; only online can be tuned")
     console, tuning = Console(), chosen(options, TuneOptions)
-    recordings = [
-        choose_topics(path, name, options.points) for name, path in named_recordings(options.bags)
-    ]
+    recordings = chosen_recordings(options.bags, options.points)
     try:
         with counting_progress(console) as progress:
             task = progress.add_task("trials", total=tuning.trials)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mnsf_ros.errors import EvaluationError, RecordingError, plain_text
-from mnsf_ros.recording.bag_files import fingerprint, stored_files
+from mnsf_ros.recording.bag_files import fingerprint
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.setting import SettingValue
@@ -82,47 +82,38 @@ def choose_topics(
         )
 
 
-def inspected_recordings(
-    paths: Sequence[Path], *topics: str | None
-) -> tuple[list[EvaluatedRecording], list[str]]:
-    """Opens each recording; returns the usable ones, and an error text for each other one.
+def chosen_recordings(
+    paths: Sequence[Path], *topics: str | None, unreadable: list[str] | None = None
+) -> list[EvaluatedRecording]:
+    """Opens recordings, each under a name of its own; see `choose_topics` for the topics.
 
-    The topics are those of points, truth and odometry, see `choose_topics`; the same for all.
+    With a list `unreadable` the errors of those that cannot be used are added to it.
 
     Raises:
-        EvaluationError: The same recording is named twice, in whatever spelling.
-        RecordingError: None of them can be used.
+        EvaluationError: The same recording is named twice.
+        RecordingError: One of them cannot be used; with a list, none of them.
     """
     found: list[EvaluatedRecording] = []
-    errors: list[RecordingError] = []
     for name, path in named_recordings(paths):
         try:
             found.append(choose_topics(path, name, *topics))
         except RecordingError as error:
-            errors.append(error)
-    unreadable = [str(error) for error in errors]
-    if not found:
-        causes = (error.__cause__ for error in errors)
-        missing = (cause for cause in causes if isinstance(cause, MemoryError))
-        raise RecordingError("; ".join(unreadable)) from next(missing, None)
-    return found, unreadable
+            if unreadable is None or (path == paths[-1] and not found):
+                raise RecordingError("; ".join([*(unreadable or []), str(error)])) from error
+            unreadable.append(str(error))
+    return found
 
 
 def named_recordings(paths: Sequence[Path]) -> list[tuple[str, Path]]:
     """Returns each path with a name: its last part, or all of it if need be.
 
     Raises:
-        EvaluationError: The same recording is named twice, in whatever spelling.
+        EvaluationError: The same recording is named twice.
     """
-    owners: dict[Path, Path] = {}
-    for path in paths:
-        for file in (one.resolve() for one in stored_files(path)):
-            if file in owners:
-                raise EvaluationError(
-                    f"{path}: is the same recording as {owners[file]}; name it once"
-                )
-            owners[file] = path
-    names = [short_name(path) for path in paths]
+    names, places = [short_name(path) for path in paths], [path.resolve() for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        if places.count(place) > 1:
+            raise EvaluationError(f"{path}: is the same recording as another one; name it once")
     return [
         (name if names.count(name) == 1 else plain_text(path), path)
         for name, path in zip(names, paths, strict=True)

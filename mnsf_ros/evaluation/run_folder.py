@@ -75,12 +75,6 @@ class RunFolder:
             whole = record.resuming(self.read_record(), self.path)
         with _writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        tasks = self._left(record)
-        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
-        return tasks
-
-    def _left(self, record: RunRecord) -> list[EvaluationTask]:
-        """The tasks that are left to do, without the rows of those that start again."""
         rows = self.rows()
         finished = self.finished(rows)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
@@ -91,6 +85,7 @@ class RunFolder:
             # Without the line that was being written when a process was killed.
             replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
             replace_file(self._tasks, (f"{to_json(task)}\n" for task in finished.values()))
+        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
         known: dict[TaskKey, set[int]] = defaultdict(set)
         for row in rows:
             known[row.task].add(row.number)

@@ -43,7 +43,7 @@ def session_now(arguments: Sequence[str]) -> Session:
         "machine": ", ".join(filter(None, parts)),
         "system": platform.platform(),
         "mnsf_ros": __version__,
-        "git commit": git_commit(),
+        "git commit": _git_commit(),
         "python": platform.python_version(),
         **{package: _version(package) for package in _PACKAGES},
     }
@@ -110,19 +110,17 @@ def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> str
     return "; ".join([*told, *([f"and {more} more"] if more else [])])
 
 
-def git_commit() -> str:
-    """Returns the commit of this package's checkout, with `+changes` if there are any.
+def _git_commit() -> str:
+    """The commit of this package's checkout, with `+changes` if there are any.
 
     Empty if the package is not in a checkout of its own, for example installed from a wheel.
     """
-    here = Path(__file__)
-    if not _git("ls-files", "--error-unmatch", here):
-        return ""
-    commit = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
-    return _git(*commit)
+    is_stored = _git("ls-files", "--error-unmatch", __file__)
+    describe = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
+    return _git(*describe) if is_stored else ""
 
 
-def _git(*arguments: str | Path) -> str:
+def _git(*arguments: str) -> str:
     """Output of a git command, empty if it fails."""
     command = ["git", "-C", Path(__file__).parent, *arguments]
     try:

@@ -73,9 +73,11 @@ def explain(
 
 def _picture(title: str, reason: Reason) -> bytes | None:
     """The object in each other sweep: static above, moving below if a motion was fitted."""
-    static = [_panel("static", one, one.static) for one in reason.sweeps]
-    moving = [_panel("moves", one, one.moving) for one in reason.sweeps if one.moving is not None]
-    rows = [row for row in (static, moving) if row]
+    matches = {
+        "static": [(one, one.static) for one in reason.sweeps],
+        "moves": [(one, one.moving) for one in reason.sweeps if one.moving is not None],
+    }
+    rows = [[_panel(name, *pair) for pair in pairs] for name, pairs in matches.items() if pairs]
     return match_picture(title, rows) if rows else None
 
 
@@ -94,10 +96,13 @@ def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) 
     reason, truth = reason_for(estimate, rows), _truth_at(example, rows)
     triplet, known = example.triplet, estimate.over_ground
     terms = reason_terms(triplet.current.xyz, estimate, rows, triplet.interval_s)
+    stage = _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
     is_missed = known is not None and 2 * np.count_nonzero(known.dynamic[rows]) < len(rows)
+    if is_missed and truth is not None and truth.share > _MOVES:
+        stage = lost_by(reason, truth.motion).value
     lines = [f"{term}: {text}" for term, text in terms.items()]
-    stage = f"Decided by the stage: {_stage(reason, truth if is_missed else None)}"
-    return [*lines[:3], stage, *lines[3:], *_truth_lines(reason, truth)]
+    told = [] if truth is None else _truth_lines(reason, truth)
+    return [*lines[:3], f"Decided by the stage: {stage}", *lines[3:], *told]
 
 
 @dataclass(frozen=True)
@@ -113,12 +118,6 @@ class _Truth:
     motion: NDArray[np.float64]
     share: float
     speed_m_s: float
-
-
-def _stage(reason: Reason, truth_if_missed: _Truth | None) -> str:
-    if truth_if_missed is not None and truth_if_missed.share > _MOVES:
-        return lost_by(reason, truth_if_missed.motion).value
-    return _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
 
 
 def _estimated(
@@ -162,9 +161,7 @@ def _truth_at(example: Example, rows: NDArray[np.int64]) -> _Truth | None:
     return _Truth(motion, float(known.dynamic[own].mean()), speed_m_s)
 
 
-def _truth_lines(reason: Reason, truth: _Truth | None) -> Iterator[str]:
-    if truth is None:
-        return
+def _truth_lines(reason: Reason, truth: _Truth) -> Iterator[str]:
     yield (
         f"Truth: {truth.share:.0%} of the points dynamic, {vector_text(truth.motion)} m to the "
         f"next sweep, {truth.speed_m_s:.1f} m/s"

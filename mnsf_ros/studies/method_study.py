@@ -15,6 +15,7 @@ from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
@@ -93,7 +94,7 @@ def run(name: str, options: StudyOptions) -> StudyResult:
     study, evaluation = _STUDIES[name], replace(options.evaluation, pictures=_NUM_PICTURES)
     methods = evaluated_methods(study.variants.values(), evaluation)
     evaluation = evaluation.for_methods(methods, pairs=False)
-    recordings = options.chosen_recordings()
+    recordings = chosen_recordings(options.recordings)
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
     record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])

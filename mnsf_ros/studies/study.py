@@ -15,7 +15,7 @@ from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import session_now
 from mnsf_ros.report.results_files import session_lines
@@ -100,21 +100,13 @@ class StudyOptions:
     say: Callable[[str], None] = lambda text: None
     case: CaseStudySettings = field(default_factory=CaseStudySettings)
 
-    def chosen_recordings(self) -> list[EvaluatedRecording]:
-        """Returns the recordings with their topics.
-
-        Raises:
-            MnsfError: A recording cannot be used.
-        """
-        return [choose_topics(path, name) for name, path in named_recordings(self.recordings)]
-
     def first_example(self) -> Example:
         """Returns the first example.
 
         Raises:
             MnsfError: A recording cannot be used, or there is no example.
         """
-        for recording in self.chosen_recordings():
+        for recording in chosen_recordings(self.recordings):
             with recording.open() as reader:
                 for example in read_examples(reader, recording, self.evaluation, Findings()):
                     return example

@@ -155,12 +155,10 @@ def test_recordings_are_named_by_the_last_part_of_their_path_if_that_is_enough(
     other = tmp_path / "b" / "drive"
     other.mkdir()
     assert [name for name, _ in named_recordings([paths[0], other])] == [str(paths[0]), str(other)]
-    bag = small.write_recording(tmp_path / "bag", 1)
-    (tmp_path / "link").symlink_to(bag)
-    (file,) = bag.glob("*.mcap")
-    for same in (bag, bag.relative_to(tmp_path), tmp_path / "a" / ".." / "bag", "link", file):
+    (tmp_path / "link").symlink_to(other)
+    for same in (other, other.relative_to(tmp_path), tmp_path / "link"):
         with pytest.raises(EvaluationError, match=r"is the same recording as .*; name it once"):
-            named_recordings([bag, tmp_path / same])
+            named_recordings([other, same])
 
 
 def done_run(out, recording, num_rows=2):
