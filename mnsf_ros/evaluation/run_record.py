@@ -122,7 +122,7 @@ def _git_commit() -> str:
 
 def _git(*arguments: str) -> str:
     """Output of a git command, empty if it fails."""
-    command = ["git", "-C", Path(__file__).parent, *arguments]
+    command = ["git", "-C", str(Path(__file__).parent), *arguments]
     try:
         return subprocess.check_output(
             command, stderr=subprocess.DEVNULL, text=True, timeout=_GIT_TIMEOUT_S
