@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import heapq
+import bisect
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,47 +26,36 @@ from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
 # Recorders write messages in order of reception. More than so many places off is a jump in time.
-REORDER_WINDOW: Final = 4
+_REORDER_WINDOW: Final = 4
+
+Item = TypeVar("Item", Sweep, StampedPose, "TruthCloud")
 
 
-class HasStamp(Protocol):
-    """An item with a stamp."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Integer nanoseconds."""
-
-
-Item = TypeVar("Item", bound=HasStamp)
-
-
-def in_stamp_order(
-    items: Iterable[Item | None], window: int = REORDER_WINDOW
-) -> Iterator[Item | None]:
-    """Yields items by stamp, sorted within a small window.
+def in_stamp_order(items: Iterable[Item | None]) -> Iterator[Item | None]:
+    """Yields items by stamp, sorted within a window of four.
 
     None marks a gap, and nothing is sorted across it. After a jump back in time order starts again.
     """
-    waiting: list[tuple[int, int, Item]] = []
-    newest_ns: int | None = None
-    for number, item in enumerate(items):
-        is_too_late = item is not None and newest_ns is not None and item.stamp_ns < newest_ns
-        if item is None or is_too_late:
-            yield from _in_order(waiting)
-            newest_ns = None
+    waiting: list[Item] = []
+    newest_ns = -1
+    for item in items:
+        if item is None or item.stamp_ns < newest_ns:
+            yield from waiting
+            waiting, newest_ns = [], -1
         if item is None:
             yield None
             continue
-        heapq.heappush(waiting, (item.stamp_ns, number, item))
-        if len(waiting) > window:
-            newest_ns, _, oldest = heapq.heappop(waiting)
+        bisect.insort(waiting, item, key=_stamp_ns)
+        if len(waiting) > _REORDER_WINDOW:
+            oldest = waiting.pop(0)
+            newest_ns = oldest.stamp_ns
             yield oldest
-    yield from _in_order(waiting)
+    yield from waiting
 
 
-def _in_order(waiting: list[tuple[int, int, Item]]) -> Iterator[Item]:
-    while waiting:
-        yield heapq.heappop(waiting)[2]
+def _stamp_ns(item: Any) -> int:  # noqa: ANN401 - an Item
+    stamp_ns: int = item.stamp_ns
+    return stamp_ns
 
 
 @dataclass(frozen=True, eq=False)

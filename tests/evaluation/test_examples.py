@@ -255,10 +255,10 @@ def test_random_points_are_the_same_for_a_seed_and_a_stamp():
     assert kept(xyz[:5], wide, num_points=6).all()
 
 
-def ordered(stamps, window=4):
+def ordered(stamps):
     # Items of equal stamp need not be comparable.
     items = (stamp and SimpleNamespace(stamp_ns=stamp) for stamp in stamps)
-    return [item and item.stamp_ns for item in in_stamp_order(items, window)]
+    return [item and item.stamp_ns for item in in_stamp_order(items)]
 
 
 @pytest.mark.parametrize(
