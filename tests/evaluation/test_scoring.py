@@ -13,11 +13,9 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import over_all_points
 from mnsf_ros.evaluation.scoring import (
     failed_row,
-    landing_distances,
     scored_row,
     true_motion,
 )
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # The sensor moves 1 m forward; one point moves 0.2 m to the left by itself.
 XYZ = np.array([[5, 0, 0], [15, 0, 0], [30, 0, 0], [9, 0, 0]], np.float32)
@@ -180,20 +178,3 @@ def test_only_kept_points_are_scored(far):
 def test_estimate_that_does_not_fit_is_refused(flow, text):
     with pytest.raises(EvaluationError, match=text):
         scored_row(make_example(), "x", estimate(flow))
-
-
-def pair_of(current, following):
-    return SweepTriplet(None, *(Sweep(np.array(xyz, np.float32)) for xyz in (current, following)))
-
-
-BOTH = np.ones(2, bool)
-
-
-def test_landing_distance_by_hand():
-    triplet = pair_of([[0, 0, 0], [10, 0, 0]], [[1, 0, 0], [10, 3, 0]])
-    flow = np.array([[0.5, 0, 0], [0, 1, 0]], np.float32)
-    assert landing_distances(triplet, flow, BOTH) == {
-        "nearest_m": pytest.approx((0.5 + 2.0) / 2),
-        "zero_nearest_m": pytest.approx((1.0 + 3.0) / 2),
-    }
-    assert landing_distances(triplet, flow, ~BOTH) == {}

@@ -131,3 +131,9 @@ def test_sampling_counts_examples_wherever_they_are(tmp_path):
     assert found == [[3, 4, 5, 6], [3, 6], [3]]
     rest = rows_of(task, small.options(every=2), frozenset({3}))
     assert [row.number for row in rest] == [5]
+
+
+@pytest.mark.parametrize("method", ["zero", "online"])
+def test_sampling_changes_no_row_also_of_methods_that_carry_state(bag, method):
+    whole, sampled = (rows_of(small.task_at(bag, method), small.options(every=n)) for n in (1, 3))
+    assert list(map(small.without_times, sampled)) == list(map(small.without_times, whole[::3]))

@@ -41,13 +41,6 @@ def take(track, index):
     return None if truth is None else truth.stamp_ns, passed_over
 
 
-def test_sweeps_without_truth_and_truth_without_sweeps():
-    track = truth_track([2, 3, 6])
-    assert [take(track, i) for i in (0, 1)] == [(None, 0)] * 2
-    assert [take(track, i) for i in (2, 6)] == [(small.stamp(2), 0), (small.stamp(6), 1)]
-    assert take(track, 7) == (None, 0)
-
-
 @pytest.mark.parametrize("wrong", [3, -5000])
 def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong):
     track = truth_track(range(40))
@@ -104,14 +97,6 @@ def matched(message, sweep=None):
 def test_row_that_is_not_valid_need_not_say_where_it_is(offset_m):
     truth, _ = matched(moved(offset_m, [3, 8], invalid=[3, 8]))
     assert truth is not None
-
-
-def test_rows_are_compared_with_the_points_that_are_left():
-    # Row 8 is the seventh point that is left; it is not valid, whatever row 6 is.
-    whole, rows = small.sweep(0), np.delete(np.arange(60), (0, 7))
-    holed = replace(whole, xyz=whole.xyz[rows], source=replace(whole.source, rows=rows))
-    truth, _ = matched(moved(5.0, [0, 7, 8], invalid=[8]), holed)
-    assert len(truth) == 58
 
 
 def with_several_values(name):

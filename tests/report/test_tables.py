@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from mnsf_ros.report.tables import bin_names, errors_table
-from mnsf_ros.report.text_table import TextTable, format_number, markdown_code
+from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.text_table import TextTable, markdown_code
 
 FNSF = {
     "epe_m": 0.0754,
@@ -105,10 +105,3 @@ def test_terminal_does_not_take_cells_for_markup():
     for cell in ("[red]x", "[a] without", "[/b]", "[bold]", "测" * 8):
         assert cell in printed(table)
     assert "after" in printed(TextTable(["name", "after", "after"], [["a", "1", "2"]]))
-
-
-def test_numbers():
-    assert format_number(1234.5678, 2) == "1234.57"
-    assert format_number(0.4, 0) == "0"
-    assert format_number(math.nan, 2) == "-"
-    assert bin_names(["10", "20", "inf"]) == ["0–10", "10–20", "20+"]
