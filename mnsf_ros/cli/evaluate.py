@@ -23,7 +23,7 @@ from mnsf_ros.evaluation.recordings import chosen_recordings, short_name
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
-from mnsf_ros.evaluation.task import TaskEvent, TaskFailed
+from mnsf_ros.evaluation.task import TaskEvent
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
@@ -134,11 +134,11 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
         try:
             for task, event in _shown(tasks, execute(tasks, evaluation), evaluation, console):
                 folder.take(event)
-                if isinstance(event, TaskFailed):
-                    given_up.append(f"gave up {_title(task)}: {event.reason}")
+                if isinstance(event, FinishedTask) and event.failure:
+                    given_up.append(f"gave up {_title(task)}: {event.failure}")
         finally:
             # Also after Ctrl-C: what is finished is worth a table.
-            is_complete = folder.has_results and _conclude(folder, evaluation.pictures, console)
+            is_complete = folder.has_results and _conclude(folder, console)
     for text in given_up:
         console.warn(text)
     return is_complete and not given_up
@@ -159,7 +159,7 @@ def _shown(
             yield task, event
             if isinstance(event, ResultRow):
                 done[task.key] += 1
-            elif isinstance(event, FinishedTask):
+            elif isinstance(event, FinishedTask) and not event.failure:
                 text = f"{_title(task)}: done, examples: {event.num_examples}"
                 console.say(text, soft_wrap=True)
                 # The first and the last sweep of a recording make no example.
@@ -171,13 +171,13 @@ def _title(task: EvaluationTask) -> str:
     return f"{task.method.name} on {task.recording.name}"
 
 
-def _conclude(folder: RunFolder, num_pictures: int, console: Console) -> bool:
+def _conclude(folder: RunFolder, console: Console) -> bool:
     """Writes and prints the results so far; False if they are not complete, or have no report."""
     results = read_results(folder)
     write_results(folder, results)
     _print_results(results, folder, console)
     try:
-        path = write_report(folder, results, num_pictures)
+        path = write_report(folder, results)
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
         console.warn(f"no report: {reason}; `mnsf report {folder.path}` tries again")
@@ -247,7 +247,6 @@ def _split(texts: Sequence[str]) -> list[str]:
 def add_report(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf report`."""
     arguments.value("folder", "folder of `mnsf evaluate --out`", Path)
-    arguments.value("--pictures N", "number of worst sweeps shown in pictures", default=3)
     arguments.value("--method NAME", "method whose worst sweeps are shown (default: the first one)")
 
 
@@ -255,7 +254,7 @@ def run_report(options: argparse.Namespace) -> None:
     """Writes the report again."""
     folder = RunFolder(options.folder)
     results = read_results(folder, options.method)
-    path = write_report(folder, results, max(0, options.pictures))
+    path = write_report(folder, results)
     console = Console()
     for note in results.notes:
         if note.is_incomplete:

@@ -153,20 +153,19 @@ def _exported_sweeps(
     def without_flow(sweep: Sweep, pose: NDArray[np.float64]) -> ExportedSweep:
         return ExportedSweep(sweep, ground_mask(sweep.xyz, ground), pose)
 
-    with recording.open() as reader:
-        for example in read_examples(reader, recording, options, findings):
-            current, truth = example.triplet.current, example.truth
-            if following is not None and following[0].stamp_ns != current.stamp_ns:
-                yield without_flow(*following)
-            result = estimated(stream, example).result
-            estimate = result if isinstance(result, FlowEstimate) else None
-            if estimate is None:
-                console.warn(f"no estimate at stamp {current.stamp_ns}: {result}")
-            pose, motion = _poses(example, estimate)
-            is_ground = ground_mask(current.xyz, ground) if truth is None else truth.ground
-            interval_s = example.triplet.interval_s
-            yield ExportedSweep(current, is_ground, pose, motion, interval_s, estimate, truth)
-            following = example.triplet.next, pose @ np.linalg.inv(motion)
+    for example in read_examples(recording, options, findings):
+        current, truth = example.triplet.current, example.truth
+        if following is not None and following[0].stamp_ns != current.stamp_ns:
+            yield without_flow(*following)
+        result = estimated(stream, example).result
+        estimate = result if isinstance(result, FlowEstimate) else None
+        if estimate is None:
+            console.warn(f"no estimate at stamp {current.stamp_ns}: {result}")
+        pose, motion = _poses(example, estimate)
+        is_ground = ground_mask(current.xyz, ground) if truth is None else truth.ground
+        interval_s = example.triplet.interval_s
+        yield ExportedSweep(current, is_ground, pose, motion, interval_s, estimate, truth)
+        following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
         yield without_flow(*following)
     for damage in findings.damages:

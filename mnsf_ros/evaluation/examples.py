@@ -21,7 +21,6 @@ from mnsf_ros.evaluation.tracks import (
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
-from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -53,29 +52,25 @@ class Example:
 
 
 def read_examples(
-    reader: BagReader,
-    recording: EvaluatedRecording,
-    options: EvaluationOptions,
-    findings: Findings,
+    recording: EvaluatedRecording, options: EvaluationOptions, findings: Findings
 ) -> Iterator[Example]:
-    """Yields the examples of an open recording in stamp order; findings get what is noticed."""
-    truth = poses = None
-    if recording.truth is not None:
-        clouds = truth_clouds(reader, recording.truth, findings)
-        truth = TruthTrack(clouds, findings, str(reader.path))
-    if recording.odometry is not None:
-        recorded = recorded_poses(reader, recording.odometry, findings)
-        poses = PoseTrack(recorded, sensor_mount(options.settings.ego_motion))
-    builder = ExampleBuilder(
-        options,
-        findings,
-        truth=truth,
-        poses=poses,
-        num_sweeps=num_sweeps_needed(options, recording.num_sweeps),
-    )
-    time = options.settings.time
-    sweeps = recorded_sweeps(reader, recording.points, recording.name, time, findings)
-    return builder.examples(in_stamp_order(sweeps))
+    """Yields the examples of a recording in stamp order; findings get what is noticed.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+    """
+    settings, truth, poses = options.settings, None, None
+    num_sweeps = num_sweeps_needed(options, recording.num_sweeps)
+    with recording.open() as reader:
+        if recording.truth is not None:
+            clouds = truth_clouds(reader, recording.truth, findings)
+            truth = TruthTrack(clouds, findings, str(reader.path))
+        if recording.odometry is not None:
+            recorded = recorded_poses(reader, recording.odometry, findings)
+            poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
+        builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
+        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
+        yield from builder.examples(in_stamp_order(sweeps))
 
 
 def kept_points(

@@ -102,10 +102,12 @@ class FinishedTask:
         num_examples: Number of its rows.
         counts: Event to its number.
         damages: Parts that could not be read.
+        failure: Why it was given up, in one line; then a resumed run tries again.
     """
 
     recording: str
     method: str
-    num_examples: int
+    num_examples: int = 0
     counts: dict[str, int] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
+    failure: str | None = None

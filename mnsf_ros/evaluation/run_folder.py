@@ -95,7 +95,7 @@ class RunFolder:
         """Writes down an event of a task."""
         if isinstance(event, ResultRow):
             _append_line(self._rows, event)
-        elif isinstance(event, FinishedTask):
+        elif isinstance(event, FinishedTask) and event.failure is None:
             _append_line(self._tasks, event)
         elif isinstance(event, Picture):
             with _writing(self.path):

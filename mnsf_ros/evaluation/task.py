@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Final
 
@@ -25,23 +25,15 @@ from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-
-@dataclass(frozen=True)
-class TaskFailed:
-    """A task gave up; why, in one line."""
-
-    reason: str
-
-
-TaskEvent = ResultRow | Picture | FinishedTask | TaskFailed
+TaskEvent = ResultRow | Picture | FinishedTask
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
-    """Yields the events of one task; an error of ours becomes TaskFailed."""
+    """Yields the events of one task, which ends also after an error of ours."""
     try:
         yield from run_task(task, options)
     except MnsfError as error:
-        yield TaskFailed(str(error))
+        yield FinishedTask(*task.key, failure=str(error))
 
 
 def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
@@ -59,14 +51,13 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
     painter = Painter(options.pictures, is_animated=not stream.traits.is_reference)
-    with recording.open() as reader:
-        examples = read_examples(reader, recording, options, findings)
-        for outcome in _outcomes(stream, _chosen(examples, task, options), options.realtime):
-            row = _row(outcome, stream)
-            if isinstance(outcome.result, FlowEstimate) and row.failure is None:
-                painter.add(row.badness_m, outcome.example, outcome.result)
-            num_rows += 1
-            yield row
+    examples = read_examples(recording, options, findings)
+    for outcome in _outcomes(stream, _chosen(examples, task, options), options.realtime):
+        row = _row(outcome, stream)
+        if isinstance(outcome.result, FlowEstimate) and row.failure is None:
+            painter.add(row.badness_m, outcome.example, outcome.result)
+        num_rows += 1
+        yield row
     yield from painter.pictures(*task.key)
     damages = [plain_text(damage) for damage in findings.damages]
     counts = {event.value: number for event, number in findings.counts.items()}

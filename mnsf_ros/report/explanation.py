@@ -126,17 +126,16 @@ def _estimated(
     stream = Stream(options.settings, method)
     stamps_ns: list[int] = []
     findings = Findings()
-    with recording.open() as reader:
-        for example in read_examples(reader, recording, options, findings):
-            now_ns = example.triplet.current.stamp_ns
-            stamps_ns.append(now_ns)
-            if now_ns < stamp_ns - _PAST_S * NANOSECONDS:
-                continue
-            estimate = stream.flow_of(example.triplet)
-            if abs(now_ns - stamp_ns) <= _SAME_STAMP_NS:
-                return example, estimate
-            if now_ns > stamp_ns:
-                break
+    for example in read_examples(recording, options, findings):
+        now_ns = example.triplet.current.stamp_ns
+        stamps_ns.append(now_ns)
+        if now_ns < stamp_ns - _PAST_S * NANOSECONDS:
+            continue
+        estimate = stream.flow_of(example.triplet)
+        if abs(now_ns - stamp_ns) <= _SAME_STAMP_NS:
+            return example, estimate
+        if now_ns > stamp_ns:
+            break
     if not stamps_ns and findings.damages:
         raise next(iter(findings.damages)).error()
     if not stamps_ns:

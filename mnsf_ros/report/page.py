@@ -30,10 +30,10 @@ _TEMPLATES: Final = jinja2.Environment(
 )
 
 
-def write_report(folder: RunFolder, results: RunResults, num_pictured: int = 3) -> Path:
-    """Writes the report; an earlier one is replaced as a whole or not at all.
+def write_report(folder: RunFolder, results: RunResults) -> Path:
+    """Writes the report, with the pictures that the run has drawn.
 
-    So many of the worst sweeps are shown, those that the run has drawn.
+    An earlier one is replaced as a whole or not at all.
 
     Returns:
         The file.
@@ -48,9 +48,9 @@ def write_report(folder: RunFolder, results: RunResults, num_pictured: int = 3) 
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         results=results,
-        animation=_animation(results, folder.path) if num_pictured else None,
+        animation=_animation(results, folder.path),
         worst_tables=[table for table in tables if table.rows],
-        pictures=list(_worst(results, folder.path, num_pictured)),
+        pictures=list(_worst(results, folder.path)),
     )
     path = folder.path / REPORT_FILE
     replace_file(path, [f"{page}\n"])
@@ -75,9 +75,9 @@ def _animation(results: RunResults, folder: Path) -> Image | None:
     return None
 
 
-def _worst(results: RunResults, folder: Path, number: int) -> Iterator[Image]:
+def _worst(results: RunResults, folder: Path) -> Iterator[Image]:
     recordings = {one.name: one for one in results.record.recordings}
-    for row in results.worst["row"][:number]:
+    for row in results.worst["row"]:
         where = f"{row.recording}, sweep {row.number}, {row.stamp_ns / NANOSECONDS:.3f} s"
         places = _places(recordings[row.recording], row.method)
         caption = f"{where}: {_figure(row)}. {places}"

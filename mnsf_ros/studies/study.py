@@ -107,9 +107,8 @@ class StudyOptions:
             MnsfError: A recording cannot be used, or there is no example.
         """
         for recording in chosen_recordings(self.recordings):
-            with recording.open() as reader:
-                for example in read_examples(reader, recording, self.evaluation, Findings()):
-                    return example
+            for example in read_examples(recording, self.evaluation, Findings()):
+                return example
         raise RecordingError("the recordings hold no three sweeps in a row")
 
 

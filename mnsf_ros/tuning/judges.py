@@ -75,15 +75,14 @@ def _halves_of(
     middle = recording.num_sweeps // 2
     first: list[Example] = []
     second: list[Example] = []
-    with recording.open() as reader:
-        for example in read_examples(reader, recording, options, Findings()):
-            # The current sweep has one before it and one after it.
-            if example.number + 1 < middle and len(first) < max_examples:
-                first.append(example)
-            elif example.number - 1 >= middle:
-                second.append(example)
-                if len(second) == max_examples:
-                    break
+    for example in read_examples(recording, options, Findings()):
+        # The current sweep has one before it and one after it.
+        if example.number + 1 < middle and len(first) < max_examples:
+            first.append(example)
+        elif example.number - 1 >= middle:
+            second.append(example)
+            if len(second) == max_examples:
+                break
     return first, second
 
 

@@ -20,7 +20,7 @@ from mcap.writer import Writer as McapWriter
 
 from mnsf_ros.cli.main import run
 from mnsf_ros.evaluation.parallel import run_serially
-from mnsf_ros.evaluation.task import TaskFailed
+from mnsf_ros.evaluation.results import FinishedTask
 
 # Those that start a process draw all the same.
 pytestmark = pytest.mark.usefixtures("without_drawing")
@@ -339,7 +339,7 @@ def test_recording_without_an_example_is_no_success(bag, tmp_path, mnsf):
 
 def test_task_that_fails_is_told(bag, tmp_path, mnsf, monkeypatch):
     def task_events(task, options):
-        yield TaskFailed("the recording is gone")
+        yield FinishedTask(*task.key, failure="the recording is gone")
 
     monkeypatch.setattr("mnsf_ros.evaluation.parallel.task_events", task_events)
     ended = mnsf(bag, "--methods=zero", "--out", tmp_path / "out")

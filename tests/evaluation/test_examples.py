@@ -209,8 +209,7 @@ def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     recording = small.recording_at(small.write_recording(tmp_path / "drive", 6))
     options = small.options({"ego_motion.source": "odometry"})
     told, found = (make_method(method, options.settings) for method in ("ego", "ego-estimated"))
-    with recording.open() as reader:
-        examples = list(read_examples(reader, recording, options, Findings()))
+    examples = list(read_examples(recording, options, Findings()))
     assert len(examples) == 4
     for example in examples:
         flow, expected = (method.estimate(example.triplet).flow for method in (found, told))
