@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from drives import INTERVAL_NS
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from mnsf_ros.node.environment import prepare_environment
@@ -30,8 +29,8 @@ from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
 
-FLOW_TOPIC: Final = "/scene_flow/flow"
 FIRST_NS: Final = 10**18
+_FLOW_TOPIC: Final = "/scene_flow/flow"
 _START_TIMEOUT_S: Final = 120
 _SETTLE_TIMEOUT_S: Final = 60
 _STOP_TIMEOUT_S: Final = 10
@@ -74,19 +73,18 @@ class LiveNode(RawTopics):
         start_s: Time from the start of the process until it and this one saw each other.
     """
 
-    def __init__(self, parameters: Sequence[str], flow_topic: str | None, log: Path) -> None:
+    def __init__(self, parameters: Sequence[str], log: Path) -> None:
         """Starts the process, which ends with the `with` block."""
         super().__init__("mnsf_replay")
         self.log, self.num_published, self.start_s = log, 0, 0.0
-        self._flow_topic, self._num_statuses = flow_topic, 0
+        self._num_statuses = 0
         self.points = self.publisher("/points", CLOUD_TYPE)
         self.published_s: dict[int, float] = {}
         self.arrived_s: dict[int, float] = {}
         self.counts: dict[str, int] = {}
         self.values: dict[str, str] = {}
-        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10, is_raw=True)
-        if flow_topic:
-            self.subscribe(flow_topic, CLOUD_TYPE, self._receive_flow, is_raw=True)
+        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10)
+        self.subscribe(_FLOW_TOPIC, CLOUD_TYPE, self._receive_flow, is_raw=True)
         words = [word for parameter in parameters for word in ("-p", parameter)]
         command = [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *_REMAPPED, *words]
         with log.open("wb") as out:
@@ -105,11 +103,6 @@ class LiveNode(RawTopics):
     def num_good(self) -> int:
         """Number of good sweeps published."""
         return len(self.published_s)
-
-    @property
-    def num_ended(self) -> int:
-        """Number of triplets that the node has dealt with, by its last diagnostics."""
-        return sum(self.counts.get(event, 0) for event in TRIPLET_ENDS)
 
     @property
     def cpu_s(self) -> float:
@@ -148,11 +141,11 @@ class LiveNode(RawTopics):
 
     def start(self) -> None:
         """Waits until the node and this process see each other; to be called once and first."""
-        begin_s, topic = time.monotonic(), self._flow_topic
+        begin_s = time.monotonic()
 
         def is_there() -> bool:
             # Diagnostics arrive once the node sees this process.
-            is_seen = topic is None or self.num_publishers(topic) > 0 < self._num_statuses
+            is_seen = self.node.count_publishers(_FLOW_TOPIC) > 0 < self._num_statuses
             return self.points.get_subscription_count() > 0 and is_seen
 
         if not self._wait_until(is_there, _START_TIMEOUT_S):
@@ -179,7 +172,8 @@ class LiveNode(RawTopics):
         text = f"{counted:,} of {self.num_published:,}"
         yield "clouds counted", text, counted == self.num_published
         formed = self.counts.get("triplets_formed", 0)
-        yield "triplets ended", f"{self.num_ended:,} of {formed:,}", self.num_ended == formed
+        ended = sum(self.counts.get(event, 0) for event in TRIPLET_ENDS)
+        yield "triplets ended", f"{ended:,} of {formed:,}", ended == formed
         tracebacks = self.log.read_text(errors="replace").count("Traceback")
         yield "tracebacks in the log", str(tracebacks), tracebacks == 0
 
@@ -201,8 +195,7 @@ class LiveNode(RawTopics):
         if (stamp_ns := sec * 10**9 + nanosec) in self.published_s:
             self.arrived_s[stamp_ns] = time.monotonic()
 
-    def _receive_diagnostics(self, raw: bytes) -> None:
-        message = deserialize_message(raw, DiagnosticArray)
+    def _receive_diagnostics(self, message: DiagnosticArray) -> None:
         values = {
             status.name.rpartition(": ")[2]: {item.key: item.value for item in status.values}
             for status in message.status
@@ -217,15 +210,12 @@ class LiveNode(RawTopics):
 
 
 @contextmanager
-def live_node(*parameters: str, flow_topic: str | None = FLOW_TOPIC) -> Iterator[LiveNode]:
-    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it.
-
-    Without a `flow_topic` nothing of the node is subscribed to but its diagnostics.
-    """
+def live_node(*parameters: str) -> Iterator[LiveNode]:
+    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it."""
     prepare_environment()
     with (
         tempfile.TemporaryDirectory() as folder,
-        LiveNode(parameters, flow_topic, Path(folder, "node.log")) as node,
+        LiveNode(parameters, Path(folder, "node.log")) as node,
     ):
         node.start()
         yield node
