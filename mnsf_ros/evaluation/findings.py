@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 

@@ -16,8 +16,8 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message

@@ -187,20 +187,15 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     Raises:
         RecordingError: Something is there already that may not be replaced.
     """
-    if not path.name:
-        raise RecordingError(f"{str(path)!r}: is not the name of a folder, expected one to write")
-    if path.suffix == MCAP and path.is_dir():
-        raise RecordingError(f"{path}: is a folder, expected a file")
-    if path.suffix in SUFFIXES and path.suffix != MCAP:
-        raise RecordingError(f"{path}: a recording is a folder: leave out {path.suffix!r}")
     if not path.exists() and not path.is_symlink():
         return
     if not overwrite:
         raise RecordingError(f"{path}: exists already; --force replaces it")
-    if path.suffix == MCAP:
-        return
     # A wrong path must not cost anybody their other files.
-    others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
+    if path.is_dir() and not path.is_symlink():
+        others = _other_files(path)
+    else:
+        others = [] if path.suffix == MCAP else [path.name]
     if others:
         raise RecordingError(f"{path}: is not replaced: not a recording, or it holds {others[0]!r}")
 

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, Protocol, TypeAlias, TypeVar
+from typing import Any, Final
 
 from mnsf_ros.errors import UNREADABLE, RecordingError
 from mnsf_ros.recording.bag_files import (
@@ -25,44 +25,20 @@ from mnsf_ros.recording.bag_files import (
     recording_files,
 )
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, jazzy, known_topic
-from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File
 from mnsf_ros.recording.sqlite_file import SqliteFile
+from mnsf_ros.recording.storage_file import Converted, Damage, Readable, StorageFile
 
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
     from backports import zstd
 
-Converted = TypeVar("Converted")
-# A message with its receive time in nanoseconds, or damage.
-Readable: TypeAlias = "tuple[int, Converted] | Damage"
 _MAX_WARNINGS: Final = 5
 # How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
 # which, also in a file that has lost the metadata.yaml which says so.
 _ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
-
-
-class StorageFile(Protocol):
-    """A file with messages. Each scan opens it anew, so scans do not disturb each other.
-
-    Attributes:
-        topics: Topic to its summary, CDR messages only.
-        first_ns: Receive time of the first message; infinite if there is none.
-        last_ns: Receive time of the last message; 0 if there is none.
-        has_checksums: Whether flipped bits in the file are noticed.
-        damages: Damage known before messages are read.
-    """
-
-    topics: dict[str, TopicSummary]
-    first_ns: float
-    last_ns: float
-    has_checksums: bool
-    damages: list[Damage]
-
-    def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
-        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
 
 
 class BagReader:
@@ -175,8 +151,7 @@ class BagReader:
         if not self._files:
             raise RecordingError(f"{self.path}: is not open")
         number, is_damaged = 0, False
-        start_ns = self._start_ns
-        for item in chain.from_iterable(one.messages(topic, start_ns) for one in self._files):
+        for item in chain.from_iterable(self._stored(one, topic) for one in self._files):
             if isinstance(item, Damage):
                 is_damaged = True
                 yield item
@@ -191,9 +166,19 @@ class BagReader:
             else:
                 yield received_ns, converted
         expected = self.topics[topic].count
-        if start_ns == -math.inf and number != expected and not is_damaged:
+        if self._start_ns == -math.inf and number != expected and not is_damaged:
             text = f"{number} of {expected} messages on {topic!r} were found"
             yield Damage(str(self.path), "", text)
+
+    def _stored(self, file: StorageFile, topic: str) -> Iterator[Readable[bytes]]:
+        count = 0
+        try:
+            for item in file.messages(topic, self._start_ns):
+                yield item
+                count += 1
+        except UNREADABLE as error:
+            text = f"damaged after {count} messages on {topic!r}"
+            yield Damage.of(file.path, "", error, text)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from mcap.summary import Summary
 
 from mnsf_ros.errors import UNREADABLE
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 # Opcode and length, two offsets and a checksum, and the mark of the end.
@@ -32,20 +32,12 @@ _CHECKED_BYTES: Final = 2**20
 _MAX_BYTES: Final = 2**29
 
 
-class McapFile:
-    """An mcap file; its attributes are those of `StorageFile`."""
+class McapFile(StorageFile):
+    """An mcap file."""
 
     def __init__(self, path: Path) -> None:
-        """Reads the index, or without an intact one the whole file.
-
-        Raises:
-            Exception: One of `UNREADABLE`: it is no mcap file.
-        """
-        self.topics: dict[str, TopicSummary] = {}
-        self.first_ns, self.last_ns = float("inf"), 0.0
-        self.has_checksums = False
-        self.damages: list[Damage] = []
-        self._path = path
+        """Reads the index, or without an intact one the whole file."""
+        super().__init__(path)
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
         # None: all that is there, from the front.
@@ -53,7 +45,7 @@ class McapFile:
         counts = self._read_index()
         self._summarize(self._read_all() if counts is None else counts)
 
-    def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
+    def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
         """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
         channels = {
             number
@@ -72,7 +64,7 @@ class McapFile:
 
     def _read_index(self) -> Counter[int] | None:
         """Number of messages of each channel; None without an intact index of all messages."""
-        with self._path.open("rb") as file:
+        with self.path.open("rb") as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise EOFError("it does not begin as an mcap file does")
             try:
@@ -86,7 +78,7 @@ class McapFile:
                     self.has_checksums = has_checksum and _is_checked(file, chunks[0])
             except UNREADABLE as error:
                 text = "it has no index that can be read"
-                self.damages = [Damage.of(self._path, "", error, text)]
+                self.damages = [Damage.of(self.path, "", error, text)]
                 return None
         self._chunks, self._channels, self._schemas = chunks, summary.channels, summary.schemas
         self.first_ns = min((one.message_start_time for one in chunks), default=self.first_ns)
@@ -121,7 +113,7 @@ class McapFile:
         self, chunks: list[ChunkIndex], channels: set[int], start_ns: float
     ) -> Iterator[Message | Damage]:
         """The messages of all chunks that have some of the channels from a time on."""
-        with self._path.open("rb") as file:
+        with self.path.open("rb") as file:
             for chunk in chunks:
                 listed = chunk.message_index_offsets
                 is_early = chunk.message_end_time < start_ns
@@ -131,11 +123,11 @@ class McapFile:
                 try:
                     yield from self._messages_in(_chunk_at(file, offset))
                 except UNREADABLE as error:
-                    yield Damage.of(self._path, f"byte {offset}", error, "damaged chunk")
+                    yield Damage.of(self.path, f"byte {offset}", error, "damaged chunk")
 
     def _from_the_front(self) -> Iterator[Message | Damage]:
         """All messages up to the end of the data or the first damaged length."""
-        with self._path.open("rb") as file:
+        with self.path.open("rb") as file:
             size = file.seek(0, SEEK_END)
             offset = len(_MAGIC)
             try:
@@ -147,13 +139,13 @@ class McapFile:
                 raise EOFError("it has no end mark")
             except UNREADABLE as error:
                 text = f"cut short or damaged, the rest of {size} bytes is not read"
-                yield Damage.of(self._path, f"byte {offset}", error, text)
+                yield Damage.of(self.path, f"byte {offset}", error, text)
 
     def _readable(self, record: object, offset: int) -> Iterator[Message | Damage]:
         try:
             yield from self._messages_in(record)
         except UNREADABLE as error:
-            yield Damage.of(self._path, f"byte {offset}", error, "damaged record")
+            yield Damage.of(self.path, f"byte {offset}", error, "damaged record")
 
     def _messages_in(self, record: object) -> Iterator[Message]:
         """The messages in a record; schemas and channels are kept."""

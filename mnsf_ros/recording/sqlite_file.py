@@ -10,34 +10,25 @@ from urllib.parse import quote
 
 import apsw
 
-from mnsf_ros.errors import UNREADABLE
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 
 # Steps of SQLite between two chances for Ctrl-C.
 _STEPS = 1_000_000
 
 
-class SqliteFile:
-    """A database of rosbag2, see `StorageFile`."""
-
-    has_checksums = False
+class SqliteFile(StorageFile):
+    """A database of rosbag2."""
 
     def __init__(self, path: Path) -> None:
-        """Reads topics and counts, but no message.
-
-        Raises:
-            Exception: One of `UNREADABLE`: it is damaged or no database of rosbag2.
-        """
-        self.topics: dict[str, TopicSummary] = {}
-        self.damages: list[Damage] = []
-        self._path = path
+        """Reads topics and counts, but no message."""
+        super().__init__(path)
         self._numbers: dict[str, list[int]] = {}
         with _opened(path) as database:
             span = "SELECT min(timestamp), max(timestamp) FROM messages"
             ((first_ns, last_ns),) = database.execute(span)
-            self.first_ns: float = float("inf") if first_ns is None else first_ns
-            self.last_ns: float = last_ns or 0
+            self.first_ns = self.first_ns if first_ns is None else first_ns
+            self.last_ns = last_ns or 0
             query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
             counts = dict(database.execute(query))
             for number, name, msgtype, encoding, profiles in _topics(database):
@@ -50,25 +41,19 @@ class SqliteFile:
             text = f"messages that belong to no topic: {sum(counts.values())}"
             self.damages.append(Damage(str(path), "", text))
 
-    def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
-        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
+    def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
+        """Yields receive time and CDR bytes of the messages from a time on."""
         numbers = self._numbers.get(topic, [])
         query = (
             "SELECT timestamp, data FROM messages "
             f"WHERE topic_id IN ({', '.join('?' * len(numbers))}) "
             "AND timestamp >= ? ORDER BY timestamp"
         )
-        count = 0
-        try:
-            with _opened(self._path) as database:
-                for received_ns, data in database.execute(query, (*numbers, start_ns)):
-                    if not (isinstance(received_ns, int) and isinstance(data, bytes)):
-                        raise ValueError("a message that is none")
-                    yield received_ns, data
-                    count += 1
-        except UNREADABLE as error:
-            text = f"damaged after {count} messages on {topic!r}"
-            yield Damage.of(self._path, "", error, text)
+        with _opened(self.path) as database:
+            for received_ns, data in database.execute(query, (*numbers, start_ns)):
+                if not (isinstance(received_ns, int) and isinstance(data, bytes)):
+                    raise ValueError("a message that is none")
+                yield received_ns, data
 
 
 @contextmanager

@@ -1,13 +1,18 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Damage of a recording and its place."""
+"""What files of all formats have in common: topics, messages, and damage with its place."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias, TypeVar
 
 from mnsf_ros.errors import RecordingError, reason
+from mnsf_ros.recording.bag_topics import TopicSummary
+
+Converted = TypeVar("Converted")
 
 # Tools that may mend a file, by words of its error.
 _REMEDIES: Final = {
@@ -51,3 +56,35 @@ class Damage:
         error = RecordingError(str(self))
         error.__cause__ = MemoryError() if self.is_memory else None
         return error
+
+
+# A message with its receive time in nanoseconds, or damage.
+Readable: TypeAlias = tuple[int, Converted] | Damage
+
+
+class StorageFile(ABC):
+    """A file with messages. Each scan opens it anew, so scans do not disturb each other.
+
+    Attributes:
+        path: The file.
+        topics: Topic to its summary, CDR messages only.
+        first_ns: Receive time of the first message; infinite if there is none.
+        last_ns: Receive time of the last message; 0 if there is none.
+        has_checksums: Whether flipped bits in the file are noticed.
+        damages: Damage known before messages are read.
+
+    Raises:
+        Exception: One of `UNREADABLE`, also in a scan: it is damaged or of another format.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Sets the path; formats read what they need to know the topics."""
+        self.path = path
+        self.topics: dict[str, TopicSummary] = {}
+        self.first_ns, self.last_ns = float("inf"), 0.0
+        self.has_checksums = False
+        self.damages: list[Damage] = []
+
+    @abstractmethod
+    def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
+        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
