@@ -23,11 +23,11 @@ def pack(points, code="<fff"):
 
 
 class TestPoints:
-    def test_several_elements_overlap_and_repeated_names(self, stack):
+    def test_several_elements_overlap_and_repeated_names(self, make_cloud):
         data = struct.pack("<6f", *range(1, 7))
         fields = [("normal", 0, 7, 3), ("y", 4, 7, 1), ("y", 8, 7, 1), ("", 0, 7, 1)]
         fields += [("z", 8, 7, 0), ("unnamed_3", 0, 7, 1)]
-        points = decode_points(stack.make_cloud(fields, data, width=2, point_step=12))
+        points = decode_points(make_cloud(fields, data, width=2, point_step=12))
         assert points["normal"].tolist() == [[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]
         assert points["y"].tolist() == [[2.0, 5.0]]
         assert points["y_2"].tolist() == [[3.0, 6.0]]
@@ -49,21 +49,21 @@ class TestPoints:
 
     @pytest.mark.parametrize(("height", "width"), [(0, 0), (0, 7), (1, 0), (2**32 - 1, 0)])
     @pytest.mark.parametrize("fields", [[("x", 0, 7, 1), ("time", 4, 8, 1)], []])
-    def test_empty_clouds(self, stack, fields, height, width):
+    def test_empty_clouds(self, make_cloud, fields, height, width):
         for point_step in (0, 12, 32):
-            cloud = stack.make_cloud(
+            cloud = make_cloud(
                 fields, b"", height=height, width=width, point_step=point_step, row_step=0
             )
             assert decode_points(cloud).shape == (height, width)
             xyz, finite = decode_xyz(cloud)
             assert (xyz.shape, xyz.dtype, finite.shape) == ((0, 3), np.float32, (0,))
 
-    def test_more_data_than_needed_and_no_padding_after_the_last_row(self, stack):
+    def test_more_data_than_needed_and_no_padding_after_the_last_row(self, make_cloud):
         row, fields = struct.pack("<ff", 1.0, 2.0), [("x", 0, 7, 1)]
-        longer = stack.make_cloud(fields, row + b"rest", width=2, point_step=4)
+        longer = make_cloud(fields, row + b"rest", width=2, point_step=4)
         assert decode_points(longer)["x"].tolist() == [[1.0, 2.0]]
         two = row + b"\xff" * 4 + row
-        shorter = stack.make_cloud(fields, two, width=2, height=2, point_step=4, row_step=12)
+        shorter = make_cloud(fields, two, width=2, height=2, point_step=4, row_step=12)
         assert decode_points(shorter)["x"].tolist() == [[1.0, 2.0], [1.0, 2.0]]
 
     def test_random_layouts_against_struct(self, random_cloud, bytes_of):
@@ -80,7 +80,7 @@ class TestPoints:
 
 class TestXyz:
     @pytest.mark.parametrize("is_bigendian", [False, True])
-    def test_one_mask_for_every_column(self, stack, is_bigendian):
+    def test_one_mask_for_every_column(self, make_cloud, is_bigendian):
         rows = [
             (1.0, 2.0, 3.0, 10),
             (NAN, 2.0, 3.0, 11),
@@ -90,14 +90,14 @@ class TestXyz:
         ]
         data = pack(rows, f"{'>' if is_bigendian else '<'}fffH")
         fields = [*XYZ, ("ring", 12, 4, 1)]
-        cloud = stack.make_cloud(fields, data, width=5, point_step=14, is_bigendian=is_bigendian)
+        cloud = make_cloud(fields, data, width=5, point_step=14, is_bigendian=is_bigendian)
         xyz, finite = decode_xyz(cloud)
         assert finite.tolist() == [True, False, False, False, True]
         assert xyz.tolist() == [[1.0, 2.0, 3.0], [-0.5, 0.25, float(np.float32(1e-40))]]
         assert decode_points(cloud)["ring"].reshape(-1)[finite].tolist() == [10, 15]
         assert bytes(cloud.data) == data
         # The positions are of their own memory, also where none is left out.
-        for part in (cloud, stack.make_cloud(XYZ, pack([(1, 2, 3)]), width=1, point_step=12)):
+        for part in (cloud, make_cloud(XYZ, pack([(1, 2, 3)]), width=1, point_step=12)):
             xyz, _ = decode_xyz(part)
             assert xyz.dtype == np.dtype("=f4")
             assert xyz.flags.c_contiguous

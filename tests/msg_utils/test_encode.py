@@ -44,14 +44,8 @@ def flow_bytes(value, order="<"):
     return struct.pack(order + "fff", value, -value, value * 2)
 
 
-def message_of(stack, encoded):
-    names = ("width", "height", "point_step", "row_step", "is_bigendian")
-    layout = {name: getattr(encoded, name) for name in names}
-    return stack.send(stack.make_cloud(as_tuples(encoded), encoded.data, **layout))
-
-
 class TestColumnsAlone:
-    def test_are_packed_in_their_order(self, stack):
+    def test_are_packed_in_their_order(self):
         columns = dict(zip("xyz", (floats(1, 4), floats(2, 5), floats(3, NAN)), strict=True))
         columns["intensity"] = np.array([7, 8], np.uint8)
         columns["ring"] = np.array([513, 9], np.uint16)
@@ -64,7 +58,7 @@ class TestColumnsAlone:
         first = struct.pack("<fffBHd", 1, 2, 3, 7, 513, 0.1)
         second = struct.pack("<fffBHd", 4, 5, NAN, 8, 9, 0.2)
         assert encoded.data.tobytes() == first + second
-        xyz, finite = decode_xyz(message_of(stack, encoded))
+        xyz, finite = decode_xyz(encoded)
         assert xyz.tolist() == [[1.0, 2.0, 3.0]]
         assert finite.tolist() == [True, False]
 
@@ -96,14 +90,14 @@ def test_columns_that_do_not_fit_are_refused(make_cloud, columns, text):
 
 
 class TestCloudWithColumns:
-    def test_columns_follow_the_fields_of_the_cloud(self, stack):
+    def test_columns_follow_the_fields_of_the_cloud(self, make_cloud):
         # x y z intensity ring time, 22 bytes: the columns start at the next multiple of 4.
         fields = [*XYZ, ("intensity", 12, 7, 1), ("ring", 16, 4, 1), ("time", 18, 7, 1)]
         points = [
             struct.pack("<ffffHf", 1, 2, 3, 4, 5, 6),
             struct.pack("<ffffHf", NAN, 8, 9, 10, 11, 12),
         ]
-        cloud = stack.make_cloud(fields, b"".join(points), width=2, point_step=22)
+        cloud = make_cloud(fields, b"".join(points), width=2, point_step=22)
         encoded = encoded_with(cloud, flow(0.5, NAN))
         added = [("flow_x", 24, 7, 1), ("flow_y", 28, 7, 1), ("flow_z", 32, 7, 1)]
         assert as_tuples(encoded) == [*fields, *added]
@@ -121,10 +115,10 @@ class TestCloudWithColumns:
         assert as_tuples(encoded) == [("a", 0, 2, 1), ("b", 2, 4, 1), ("c", 4, 5, 1)]
         assert encoded.data.tobytes() == struct.pack("<BxHiBxHi", 1, 1, 7, 2, 2, 3)
 
-    def test_fields_with_the_name_of_a_column_are_renamed(self, stack):
+    def test_fields_with_the_name_of_a_column_are_renamed(self, make_cloud):
         fields = [*XYZ, ("flow_x", 12, 7, 1), ("my_flow_x", 16, 7, 1), ("flow_x", 20, 7, 1)]
         point = struct.pack("<ffffff", 1, 2, 3, 4, 5, 6)
-        cloud = stack.make_cloud(fields, point, width=1, point_step=24)
+        cloud = make_cloud(fields, point, width=1, point_step=24)
         encoded = encoded_with(cloud, flow(0.5))
         names = ["x", "y", "z", "my_my_flow_x", "my_flow_x", "my_my_flow_x"]
         assert [name for name, *_ in as_tuples(encoded)] == [*names, "flow_x", "flow_y", "flow_z"]
@@ -134,8 +128,8 @@ class TestCloudWithColumns:
 
     @pytest.mark.parametrize(("height", "width"), [(0, 0), (1, 0), (0, 5)])
     @pytest.mark.parametrize("fields", [XYZ, []])
-    def test_empty_clouds(self, stack, fields, height, width):
-        cloud = stack.make_cloud(fields, b"", height=height, width=width, point_step=0)
+    def test_empty_clouds(self, make_cloud, fields, height, width):
+        cloud = make_cloud(fields, b"", height=height, width=width, point_step=0)
         encoded = encoded_with(cloud, flow())
         assert (encoded.height, encoded.width, encoded.data.size) == (height, width, 0)
         assert encoded.point_step == 12 + 4 * len(fields)

@@ -42,8 +42,8 @@ HUGE = {"width": 2**31, "height": 2**31, "point_step": 1, "row_step": 2**31}
         ([("x", 0, 2, 1)], 100, HUGE, "data has 100 bytes, expected at least 4611686018427387904"),
     ],
 )
-def test_contradictions_are_named(stack, fields, num_bytes, layout, text):
-    expect(stack.make_cloud(fields, bytes(num_bytes), **layout), text)
+def test_contradictions_are_named(make_cloud, fields, num_bytes, layout, text):
+    expect(make_cloud(fields, bytes(num_bytes), **layout), text)
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,8 @@ def test_bad_fields_are_named_in_a_short_line(make_cloud, field, text):
         ([("x", 0, 7, 3), *XYZ[1:]], "field 'x' is 3 x FLOAT32, expected 1 x FLOAT32 or 1 x FLO"),
     ],
 )
-def test_clouds_without_positions_are_refused(stack, fields, text):
-    cloud = stack.make_cloud(fields, bytes(12), width=1, point_step=12)
+def test_clouds_without_positions_are_refused(make_cloud, fields, text):
+    cloud = make_cloud(fields, bytes(12), width=1, point_step=12)
     with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
         decode_xyz(cloud)
 
