@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import SEEK_END
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Message, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
@@ -27,9 +27,22 @@ from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 _MAGIC: Final = b"\x89MCAP0\r\n"
 # Opcode and length, two offsets and a checksum, and the mark of the end.
 _FOOTER_BYTES: Final = 9 + 20 + len(_MAGIC)
-_CHECKED_BYTES: Final = 2**20
 # The largest lidars send 10 MB a sweep; what is larger is damaged.
 _MAX_BYTES: Final = 2**29
+
+
+class _Place(NamedTuple):
+    """A chunk, or a message outside of chunks.
+
+    Attributes:
+        offset: Its first byte.
+        end_ns: Receive time of its last message.
+        channels: Channels that it has messages of; empty if unknown.
+    """
+
+    offset: int
+    end_ns: float
+    channels: Collection[int] = ()
 
 
 class McapFile(StorageFile):
@@ -40,10 +53,19 @@ class McapFile(StorageFile):
         super().__init__(path)
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
-        # None: all that is there, from the front.
-        self._chunks: list[ChunkIndex] | None = None
-        counts = self._read_index()
-        self._summarize(self._read_all() if counts is None else counts)
+        self._places: list[_Place] = []
+        with path.open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise EOFError("it does not begin as an mcap file does")
+            counts = self._read_index(file)
+            if counts is None:
+                counts = self._read_all(file)
+        for number, channel in self._channels.items():
+            if channel.message_encoding == "cdr":
+                schema = self._schemas.get(channel.schema_id)
+                is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
+                summary = TopicSummary(schema.name if schema else "", counts[number], is_latched)
+                add_topic(self.topics, channel.topic, summary)
 
     def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
         """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
@@ -52,100 +74,72 @@ class McapFile(StorageFile):
             for number, one in self._channels.items()
             if one.topic == topic and one.message_encoding == "cdr"
         }
-        if self._chunks is None:
-            found = self._from_the_front()
-        else:
-            found = self._of_chunks(self._chunks, channels, start_ns)
-        for item in found:
-            if isinstance(item, Damage):
-                yield item
-            elif item.channel_id in channels and item.log_time >= start_ns:
-                yield item.log_time, item.data
-
-    def _read_index(self) -> Counter[int] | None:
-        """Number of messages of each channel; None without an intact index of all messages."""
         with self.path.open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise EOFError("it does not begin as an mcap file does")
-            try:
-                summary, has_checksum = _summary(file)
-                if summary is None or summary.statistics is None:
-                    return None
-                chunks = sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset)
-                if not chunks and summary.statistics.message_count:
-                    return None
-                if chunks:
-                    self.has_checksums = has_checksum and _is_checked(file, chunks[0])
-            except UNREADABLE as error:
-                text = "it has no index that can be read"
-                self.damages = [Damage.of(self.path, "", error, text)]
+            for place in self._places:
+                is_other = place.channels and channels.isdisjoint(place.channels)
+                if is_other or place.end_ns < start_ns:
+                    continue
+                try:
+                    for message in self._messages_in(_record_at(file, place.offset)):
+                        if message.channel_id in channels and message.log_time >= start_ns:
+                            yield message.log_time, message.data
+                except UNREADABLE as error:
+                    yield self._damage(place.offset, error)
+
+    def _damage(self, offset: int, error: Exception, text: str = "damaged chunk") -> Damage:
+        return Damage.of(self.path, f"byte {offset}", error, text)
+
+    def _read_index(self, file: BinaryIO) -> Counter[int] | None:
+        """Number of messages of each channel; None without an intact index of all messages."""
+        try:
+            summary, has_checksum = _summary(file)
+            if summary is None or summary.statistics is None:
                 return None
-        self._chunks, self._channels, self._schemas = chunks, summary.channels, summary.schemas
+            chunks = sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset)
+            if not chunks and summary.statistics.message_count:
+                return None
+            if chunks:
+                offset = chunks[0].chunk_start_offset
+                self.has_checksums = has_checksum and _is_checked(file, offset)
+        except UNREADABLE as error:
+            text = "it has no index that can be read"
+            self.damages = [Damage.of(self.path, "", error, text)]
+            return None
+        self._channels, self._schemas = summary.channels, summary.schemas
+        self._places = [
+            _Place(one.chunk_start_offset, one.message_end_time, one.message_index_offsets)
+            for one in chunks
+        ]
         self.first_ns = min((one.message_start_time for one in chunks), default=self.first_ns)
         self.last_ns = max((one.message_end_time for one in chunks), default=self.last_ns)
         return Counter(summary.statistics.channel_message_counts)
 
-    def _read_all(self) -> Counter[int]:
+    def _read_all(self, file: BinaryIO) -> Counter[int]:
+        """Number of messages of each channel up to the end, or to the first damaged length."""
         counts: Counter[int] = Counter()
-        found = []
-        for item in self._from_the_front():
-            if isinstance(item, Damage):
-                found.append(item)
+        found, offset, size = [], len(_MAGIC), file.seek(0, SEEK_END)
+        try:
+            for record in _records(file, offset):
+                if isinstance(record, DataEnd | Footer):
+                    break
+                try:
+                    for message in self._messages_in(record):
+                        counts[message.channel_id] += 1
+                        self.first_ns = min(self.first_ns, message.log_time)
+                        self.last_ns = max(self.last_ns, message.log_time)
+                except UNREADABLE as error:
+                    found.append(self._damage(offset, error))
+                if isinstance(record, Chunk | Message):
+                    self._places.append(_Place(offset, float("inf")))
+                offset = file.tell()
             else:
-                counts[item.channel_id] += 1
-                self.first_ns = min(self.first_ns, item.log_time)
-                self.last_ns = max(self.last_ns, item.log_time)
+                raise EOFError("it has no end mark")
+        except UNREADABLE as error:
+            text = f"cut short or damaged, the rest of {size} bytes is not read"
+            found.append(self._damage(offset, error, text))
         # They tell more than that the index, which would be behind them, is missing.
         self.damages = found or self.damages
         return counts
-
-    def _summarize(self, counts: Counter[int]) -> None:
-        for number, channel in self._channels.items():
-            if channel.message_encoding != "cdr":
-                continue
-            schema = self._schemas.get(channel.schema_id)
-            msgtype = schema.name if schema else ""
-            is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
-            summary = TopicSummary(msgtype, counts[number], is_latched)
-            add_topic(self.topics, channel.topic, summary)
-
-    def _of_chunks(
-        self, chunks: list[ChunkIndex], channels: set[int], start_ns: float
-    ) -> Iterator[Message | Damage]:
-        """The messages of all chunks that have some of the channels from a time on."""
-        with self.path.open("rb") as file:
-            for chunk in chunks:
-                listed = chunk.message_index_offsets
-                is_early = chunk.message_end_time < start_ns
-                if is_early or (listed and channels.isdisjoint(listed)):
-                    continue
-                offset = chunk.chunk_start_offset
-                try:
-                    yield from self._messages_in(_chunk_at(file, offset))
-                except UNREADABLE as error:
-                    yield Damage.of(self.path, f"byte {offset}", error, "damaged chunk")
-
-    def _from_the_front(self) -> Iterator[Message | Damage]:
-        """All messages up to the end of the data or the first damaged length."""
-        with self.path.open("rb") as file:
-            size = file.seek(0, SEEK_END)
-            offset = len(_MAGIC)
-            try:
-                for record in _records(file, offset):
-                    if isinstance(record, DataEnd | Footer):
-                        return
-                    yield from self._readable(record, offset)
-                    offset = file.tell()
-                raise EOFError("it has no end mark")
-            except UNREADABLE as error:
-                text = f"cut short or damaged, the rest of {size} bytes is not read"
-                yield Damage.of(self.path, f"byte {offset}", error, text)
-
-    def _readable(self, record: object, offset: int) -> Iterator[Message | Damage]:
-        try:
-            yield from self._messages_in(record)
-        except UNREADABLE as error:
-            yield Damage.of(self.path, f"byte {offset}", error, "damaged record")
 
     def _messages_in(self, record: object) -> Iterator[Message]:
         """The messages in a record; schemas and channels are kept."""
@@ -170,17 +164,17 @@ class McapFile(StorageFile):
         return breakup_chunk(chunk, validate_crc=True)
 
 
-def _is_checked(file: BinaryIO, chunk: ChunkIndex) -> bool:
+def _is_checked(file: BinaryIO, offset: int) -> bool:
     """Whether a chunk has a checksum; one that cannot be read is taken to have had one."""
     try:
-        return _chunk_at(file, chunk.chunk_start_offset).uncompressed_crc != 0
+        return bool(next(_records(file, offset)).uncompressed_crc != 0)
     except UNREADABLE:
         return True
 
 
-def _chunk_at(file: BinaryIO, offset: int) -> Chunk:
+def _record_at(file: BinaryIO, offset: int) -> Any:  # noqa: ANN401
     record = next(_records(file, offset))
-    if not isinstance(record, Chunk):
+    if not isinstance(record, Chunk | Message):
         raise EOFError(f"found a {type(record).__name__}")
     return record
 
@@ -208,10 +202,8 @@ def _summary(file: BinaryIO) -> tuple[Summary | None, bool]:
         return None, False
     if footer.summary_crc:
         # It covers the footer, too, up to itself.
-        left, checksum = size - len(_MAGIC) - 4 - file.seek(footer.summary_start), 0
-        while left > 0 and (piece := file.read(min(left, _CHECKED_BYTES))):
-            left, checksum = left - len(piece), zlib.crc32(piece, checksum)
-        if checksum != footer.summary_crc:
+        num_bytes = size - len(_MAGIC) - 4 - file.seek(footer.summary_start)
+        if zlib.crc32(file.read(max(num_bytes, 0))) != footer.summary_crc:
             raise EOFError("its checksum is wrong")
     file.seek(0)
     summary = SeekingReader(file, record_size_limit=_MAX_BYTES).get_summary()

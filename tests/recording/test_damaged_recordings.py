@@ -350,6 +350,6 @@ def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
     warnings = []
     with open_recording(file, warnings.append) as reader:
         assert len(list(reader.messages("/points"))) == len(ALL) - 8
-    assert f"{file}, byte {chunks[1]}: damaged record" in warnings[0]
+    assert f"{file}, byte {chunks[1]}: damaged chunk" in warnings[0]
     assert len(warnings) == 6
     assert warnings[-1] == f"{file}: and 3 more"
