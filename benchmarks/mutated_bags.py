@@ -28,11 +28,8 @@ from typing import Any, Final
 import numpy as np
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.convert import convert
 from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
@@ -49,10 +46,9 @@ LIMIT_S = 60
 MAX_GB = 2.0
 METHODS = ("zero", "ego")
 BAD = ("silent", "crash", "hang")
-DAMAGES = ("flip", "flip at end", "cut", "length", "zero", "double", "move")
+DAMAGES = ("flip", "flip at end", "cut", "length", "zero", "double")
 WRONG_LENGTHS = (2**63 - 1, 2**64 - 1, 2**40, 2**32 - 1, 2**31, 7, 0)
 JAZZY: Final = get_typestore(Stores.ROS2_JAZZY)
-NOETIC: Final = get_typestore(Stores.ROS1_NOETIC)
 # Receive time, topic, type and CDR bytes.
 Message = tuple[int, str, str, bytes]
 Rows = dict[tuple[str, int], dict[str, Any]]
@@ -91,13 +87,16 @@ def write_originals(folder: Path) -> dict[str, Path]:
         files[name] = folder / f"{name.replace(' ', '_')}.mcap"
         _write_mcap(files[name], messages, options)
     files["sqlite3"] = folder / "sqlite" / "sqlite.db3"
-    with Ros2Writer(folder / "sqlite", version=9, storage_plugin=StoragePlugin.SQLITE3) as ros2:
-        _write_rosbags(ros2, JAZZY, messages)
     files["ros1"] = folder / "ros1.bag"
-    with Ros1Writer(files["ros1"]) as ros1:
-        converted = ((*each[:3], JAZZY.cdr_to_ros1(each[3], each[2])) for each in messages)
-        _write_rosbags(ros1, NOETIC, converted)
+    _convert(folder / "plain", folder / "sqlite", Stores.ROS2_JAZZY)
+    _convert(folder / "plain", files["ros1"], Stores.ROS1_NOETIC)
     return files
+
+
+def _convert(source: Path, out: Path, store: Stores) -> None:
+    """Writes a recording of ROS 1, or a folder of SQLite."""
+    everything: list[list[str]] = [[]] * 4
+    convert([source], out, "sqlite3", 9, None, "none", None, get_typestore(store), *everything)
 
 
 def _write_mcap(file: Path, messages: Iterable[Message], options: dict[str, Any]) -> None:
@@ -112,18 +111,6 @@ def _write_mcap(file: Path, messages: Iterable[Message], options: dict[str, Any]
                 channels[topic] = writer.register_channel(topic, "cdr", schema)
             writer.add_message(channels[topic], received_ns, raw, received_ns)
         writer.finish()
-
-
-def _write_rosbags(
-    writer: Ros1Writer | Ros2Writer,
-    typestore: Typestore,
-    messages: Iterable[Message],
-) -> None:
-    connections: dict[str, Any] = {}
-    for received_ns, topic, msgtype, raw in messages:
-        if topic not in connections:
-            connections[topic] = writer.add_connection(topic, msgtype, typestore=typestore)
-        writer.write(connections[topic], received_ns, raw)
 
 
 def mutated(data: bytes, random: np.random.Generator) -> tuple[bytes, str]:
@@ -146,13 +133,8 @@ def mutated(data: bytes, random: np.random.Generator) -> tuple[bytes, str]:
         data[start : start + 8] = wrong.to_bytes(8, "little")[: length - start]
     elif kind == "zero":
         data[start : start + size] = bytes(len(data[start : start + size]))
-    elif kind == "double":
-        data[start:start] = data[start : start + size]
     else:
-        block = data[start : start + size]
-        del data[start : start + size]
-        target = int(random.integers(0, len(data) + 1))
-        data[target:target] = block
+        data[start:start] = data[start : start + size]
     return bytes(data), kind
 
 
