@@ -187,7 +187,9 @@ def _hang(_number: int, _frame: FrameType | None) -> None:
     raise HangError
 
 
-def run(numbers: Iterable[int], seed: int, folder: Path) -> tuple[Counts, list[str]]:
+def run(
+    rounds: Iterable[tuple[int, np.random.Generator]], folder: Path
+) -> tuple[Counts, list[str]]:
     """Damages and judges recordings; returns verdicts by format, and the bad recordings."""
     files = write_originals(folder / "originals")
     expected = {}
@@ -197,10 +199,10 @@ def run(numbers: Iterable[int], seed: int, folder: Path) -> tuple[Counts, list[s
             raise RuntimeError(f"{file}: the original is not read without a warning")
     found: Counts = {name: Counter() for name in files}
     bad = []
-    for number in numbers:
+    for number, random in rounds:
         name, file = list(files.items())[number % len(files)]
         whole = file.read_bytes()
-        damaged, kind = mutated(whole, np.random.default_rng([seed, number]))
+        damaged, kind = mutated(whole, random)
         file.write_bytes(damaged)
         verdict, text = judge(_recording(file), expected[name])
         if verdict in BAD:

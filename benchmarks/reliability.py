@@ -57,30 +57,24 @@ _MNSF: Final = (sys.executable, "-m", "mnsf_ros.cli")
 
 
 class Rounds:
-    """Numbers of rounds, each with its own randomness; they end early when the time is over.
+    """Numbers of rounds, each with its own randomness.
 
     Attributes:
         done: Number of rounds that have ended.
-        seed: Seed of the randomness.
+        is_last: Whether the current round is the last one.
     """
 
-    def __init__(self, number: int, minutes: float, first: int = 0, seed: int = 0) -> None:
-        self.done = 0
+    def __init__(self, number: int, first: int = 0) -> None:
+        self.done, self.is_last = 0, False
         self._numbers = range(first, first + number)
-        self._end_s = time.monotonic() + minutes * 60
-        self.seed = seed
 
     def __iter__(self) -> Iterator[tuple[int, Random]]:
         """Yields the number of each round and its random numbers."""
         for number in self._numbers:
-            if time.monotonic() > self._end_s:
+            if self.is_last:
                 return
-            yield number, np.random.default_rng([self.seed, number])
+            yield number, np.random.default_rng(number)
             self.done += 1
-
-    def stop(self) -> None:
-        """Makes the current round the last one."""
-        self._end_s = 0.0
 
 
 @dataclass(frozen=True)
@@ -109,14 +103,11 @@ def main() -> None:
     parser.add_argument("promise", choices=PROMISES)
     parser.add_argument("--number", type=int, help="rounds (default: the number of the promise)")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="end after this time")
     options = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     promise = PROMISES[options.promise]
-    number = options.number or promise.number - options.first
-    rounds = Rounds(number, options.minutes, options.first, options.seed)
-    signal.signal(signal.SIGINT, lambda *_: rounds.stop())
+    rounds = Rounds(options.number or promise.number - options.first, options.first)
+    signal.signal(signal.SIGINT, lambda *_: setattr(rounds, "is_last", True))
     figures = list(promise.measure(rounds))
     rows = [[name, text, "" if is_met else "MISSED"] for name, text, is_met in figures]
     result = verdict(promise, rounds, figures)
@@ -146,25 +137,18 @@ def growth(states: Sequence[Mapping[str, float]]) -> Iterator[Figure]:
     """
     # Of a short run, the first and the last third.
     span = max(1, min(60 * _WARM_UP_MIN // _LOOK_S, len(states) // 3))
-    early, late = (
-        {name: max(state[name] for state in part) for name in states[0]}
-        for part in (states[:span], states[-span:])
-    )
+    early, late = (pd.DataFrame(part).max() for part in (states[:span], states[-span:]))
     is_met = late["MB"] - early["MB"] <= _MAX_GROWTH_MB
     yield "memory", f"{early['MB']:.0f} -> {late['MB']:.0f} MB", is_met
     for name in ("descriptors", "threads", "segments"):
         yield name, f"{early[name]:.0f} -> {late[name]:.0f}", late[name] <= early[name]
 
 
-def _clouds(**settings: int) -> Iterator[bytearray]:
-    """Serialized sweeps of a simulated street at walking speed, to and fro without end."""
-    drive = simulated_sweeps(0, 24, ego_speed_m_s=2, **settings)
-    return itertools.cycle(to_and_fro(serialized(item.sweep) for item in drive))
-
-
 def _played(node: LiveNode, rounds: Rounds, rate_hz: int) -> Iterator[Figure]:
-    """Publishes a full sweep each round, then yields growth and balance."""
-    clouds, states = _clouds(), [node.state()]
+    """Publishes a full sweep of a street each round, then yields growth and balance."""
+    drive = simulated_sweeps(0, 24, ego_speed_m_s=2)
+    clouds = itertools.cycle(to_and_fro(serialized(item.sweep) for item in drive))
+    states = [node.state()]
     start_s = due_s = time.monotonic()
     for _ in rounds:
         node.spin_for(due_s - time.monotonic())
@@ -324,7 +308,7 @@ def recordings(rounds: Rounds) -> Iterator[Figure]:
     """Damaged recordings of nine formats: no traceback, 60 s and 2 GB at most, no silent change."""
     folder = Path(tempfile.mkdtemp(prefix="mutated_bags_"))
     with limited_memory(mutated_bags.MAX_GB):
-        found, bad = mutated_bags.run((number for number, _ in rounds), rounds.seed, folder)
+        found, bad = mutated_bags.run(rounds, folder)
     for name, counts in found.items():
         yield fates(name, counts, mutated_bags.BAD)
     for text in bad:

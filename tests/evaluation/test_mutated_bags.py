@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -20,7 +21,8 @@ def mutated_bags(monkeypatch):
 @pytest.mark.slow
 def test_no_crash_no_hang_and_no_wrong_number_in_silence(mutated_bags, tmp_path, monkeypatch):
     monkeypatch.setattr(mutated_bags, "LIMIT_S", 300)
-    by_format, bad = mutated_bags.run(range(90), 7, tmp_path)
+    rounds = ((number, np.random.default_rng([7, number])) for number in range(90))
+    by_format, bad = mutated_bags.run(rounds, tmp_path)
     assert bad == []
     assert len(by_format) == 9
     verdicts = sum(by_format.values(), start=type(by_format["mcap"])())
