@@ -34,9 +34,8 @@ from rosbags.typesys import Stores, get_typestore
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.results import FinishedTask
 from mnsf_ros.evaluation.run_folder import to_json
-from mnsf_ros.evaluation.task import run_task
+from mnsf_ros.evaluation.task import FinishedTask, run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.simulation.settings import SimulationSettings

@@ -18,8 +18,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import by_motion, end_point_errors
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow, TrueMotion, mover_row
-from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.scoring import empty_row, true_motion
+from mnsf_ros.evaluation.scoring import ResultRow, empty_row, true_motion
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset

@@ -20,10 +20,10 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.parallel import executor
 from mnsf_ros.evaluation.recordings import chosen_recordings, short_name
-from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
-from mnsf_ros.evaluation.task import TaskEvent
+from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.evaluation.task import FinishedTask, TaskEvent
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results

@@ -19,10 +19,10 @@ from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.examples import Example, read_examples
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.outcomes import estimated
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
+from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.sweeps.kept_points import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep

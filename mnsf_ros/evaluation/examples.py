@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings, num_missing
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import (
+    Event,
+    Findings,
     TruthTrack,
     in_stamp_order,
     recorded_poses,
@@ -23,8 +25,17 @@ from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
+
+# Arrivals at the sweep buffer that are counted.
+_ARRIVAL_EVENTS: Final = {
+    Arrival.DUPLICATE: Event.SWEEPS_DUPLICATE,
+    Arrival.OUT_OF_ORDER: Event.SWEEPS_OUT_OF_ORDER,
+    Arrival.TIME_WENT_BACK: Event.JUMPS_BACK,
+    Arrival.GAP: Event.GAPS,
+    Arrival.FRAME_CHANGED: Event.FRAME_CHANGES,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +145,7 @@ class ExampleBuilder:
             elif (example := self._completed_by(sweep)) is not None:
                 yield example
         max_interval_s = self._options.settings.buffer.max_interval_s
-        number = num_missing(self._stamps_ns, self._breaks, max_interval_s)
+        number = _num_missing(self._stamps_ns, self._breaks, max_interval_s)
         self._findings.count(Event.SWEEPS_MISSING, number)
 
     def _interrupt(self) -> None:
@@ -152,7 +163,7 @@ class ExampleBuilder:
         sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
         arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
-            self._findings.count(ARRIVAL_EVENTS[arrival])
+            self._findings.count(_ARRIVAL_EVENTS[arrival])
         if arrival in REFUSED:
             return None
         current, self._newest = self._newest, (number, truth)
@@ -188,3 +199,23 @@ def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
         return None
     motion: NDArray[np.float64] = np.linalg.inv(following.odometry) @ current.odometry
     return motion
+
+
+_LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missing
+_MIN_INTERVALS: Final = 5
+
+
+def _num_missing(stamps_ns: list[int], breaks: list[int], max_interval_s: float) -> int:
+    """Returns how many sweeps are missing by the median interval between stamps.
+
+    Recordings without checksums can lose messages without any sign of damage. Intervals after the
+    sweeps `breaks`, where others are known to be missing, do not count, nor longer ones than
+    `max_interval_s`, which are counted as gaps.
+    """
+    intervals = np.diff(np.array(stamps_ns, np.int64))
+    intervals = np.delete(intervals, [row for row in breaks if 0 <= row < len(intervals)])
+    if len(intervals) < _MIN_INTERVALS:
+        return 0
+    usual = float(np.median(intervals))
+    long = intervals[(intervals > _LONG * usual) & (intervals <= max_interval_s * NANOSECONDS)]
+    return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0

@@ -14,7 +14,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
 from mnsf_ros.errors import MnsfError, one_line
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.results import DROPPED
+from mnsf_ros.evaluation.scoring import DROPPED
 from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
 from mnsf_ros.online.stream import Stream
 

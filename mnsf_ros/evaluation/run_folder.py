@@ -27,9 +27,9 @@ import cattrs
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import Picture, save_picture
-from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.evaluation.task import TaskEvent
+from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.evaluation.task import FinishedTask, TaskEvent
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 

@@ -9,24 +9,80 @@ value; numbers of points are sums. It adds
 * `num_examples`, `num_failed`, `num_dropped`, `num_warm` (warm starts) and `num_out_of_time`
   (optimizations ended by their time budget);
 * `three_way.GROUP` and `bucketed.CLASS.dynamic` or `.static`, see `argoverse_metrics`;
-* `movers.FIGURE`, see `mover_summary`.
+* `movers.FIGURE`, see `_summarize_movers`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Final
 
+import numpy as np
 import pandas as pd
 
 from mnsf_ros.evaluation.argoverse_metrics import over_all_points
 from mnsf_ros.evaluation.metrics import mean
-from mnsf_ros.evaluation.mover_summary import summarize_movers
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.movers import STOPPED_M_S, MoverRow, ObjectRow
+from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _OUT_OF_TIME: Final = "time_budget"
 _NUM_POINTS: Final = ".num_points"
+
+
+# An object that was away for longer comes into view anew.
+_MAX_AWAY_S: Final = 0.5
+_TINY_S: Final = 1e-3
+
+
+@dataclass(frozen=True)
+class MoverGroup:
+    """Movers that are scored together.
+
+    Attributes:
+        name: Name in tables.
+        speeds_m_s: Lower and upper limit of the true speed.
+        max_range_m: Largest distance.
+        first_s: Grace period after an object comes into view.
+        kind: Its kind, see `ObjectRow`; empty for all.
+    """
+
+    name: str
+    speeds_m_s: tuple[float, float] = (0.5, math.inf)
+    max_range_m: float = 50.0
+    first_s: float = 0.3
+    kind: str = ""
+
+    def among(self, objects: pd.DataFrame) -> pd.DataFrame:
+        """Returns the objects of the group."""
+        low, high = self.speeds_m_s
+        speeds_m_s = objects["speed_m_s"]
+        own = objects["moves"] & (speeds_m_s >= low) & (speeds_m_s < high)
+        own &= objects["range_m"] <= self.max_range_m
+        return objects[own & (objects["kind"] == self.kind) if self.kind else own]
+
+
+FAST: Final = MoverGroup("2 m/s and faster, to 50 m", (2.0, math.inf))
+SLOW: Final = MoverGroup("0.5 to 2 m/s, to 30 m", (0.5, 2.0), 30.0, 0.6)
+# The first two have targets.
+MOVER_GROUPS: Final = (
+    FAST,
+    SLOW,
+    MoverGroup("2 to 5 m/s, to 50 m", (2.0, 5.0)),
+    MoverGroup("5 to 10 m/s, to 50 m", (5.0, 10.0)),
+    MoverGroup("10 m/s and faster, to 50 m", (10.0, math.inf)),
+    MoverGroup("cars, to 50 m", kind="car"),
+    MoverGroup("large vehicles, to 50 m", kind="large vehicle"),
+    MoverGroup("two-wheelers, to 50 m", kind="cyclist"),
+    MoverGroup("pedestrians, to 30 m", max_range_m=30.0, first_s=0.6, kind="pedestrian"),
+)
+_ANY: Final = MoverGroup("0.5 m/s and faster, to 50 m")
+_COLUMNS: Final = [*(one.name for one in fields(ObjectRow)), "recording", "time_s", "is_found"]
+_TYPES: Final = {"moves": bool, "is_found": bool, "time_s": float} | dict.fromkeys(
+    ("speed_m_s", "range_m", "velocity_error_m_s", "direction_error_rad"), float
+)
 
 
 def row_table(rows: Iterable[ResultRow]) -> pd.DataFrame:
@@ -71,7 +127,7 @@ def _further(rows: Sequence[ResultRow]) -> dict[str, float]:
         "num_warm": sum(row.start == "warm" for row in good),
         "num_out_of_time": stop_reasons.count(_OUT_OF_TIME),
         **over_all_points(row.sums for row in good),
-        **{f"movers.{name}": value for name, value in summarize_movers(good).items()},
+        **{f"movers.{name}": value for name, value in _summarize_movers(good).items()},
     }
 
 
@@ -93,3 +149,95 @@ def groups_in(own: pd.Series, field: str) -> list[str]:
     names = [name.split(".", 1)[1] for name in counts if name.endswith(_NUM_POINTS)]
     names = [name.removesuffix(_NUM_POINTS) for name in names]
     return names if field == "errors" else sorted(names, key=float)
+
+
+def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
+    """Returns the scores over the rows of one method, in any order; empty without movers.
+
+    NaN stands where there is nothing to judge.
+
+    Returns:
+        * `precision`, `recall`, `iou` of the points called dynamic;
+        * `ghosts_per_sweep`, mean number of false movers, and `ghost_sweeps`, share of sweeps with
+          one;
+        * `velocity_error_m_s` and `direction_error_deg`, medians over tracked objects and sweeps;
+        * `after_stop_s`, longest time that an object was called a mover after it had stopped; NaN
+          if nothing stopped in view;
+        * of each of `MOVER_GROUPS` with movers, `NAME.num_movers` (each time that one comes into
+          view), `NAME.num_sweeps` (sweeps of all movers after their grace period), `NAME.found`
+          (share of these in which the mover was found), `NAME.flicker` (share of all sweeps in
+          which a mover is lost that was found before and is after), `NAME.delay_s` (mean time from
+          coming into view until found, or until out of view);
+        * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection.
+    """
+    rows = sorted(rows, key=lambda row: (row.recording, row.stamp_ns))
+    scored = [(row, row.movers) for row in rows if row.movers is not None]
+    if not scored:
+        return {}
+    right, wrong, missed = np.sum([movers.points for _, movers in scored], axis=0).tolist()
+    ghosts = np.array([movers.num_ghosts for _, movers in scored])
+    objects = _objects(scored)
+    moving = objects[objects["moves"]]
+    found = {
+        "precision": _share(right, right + wrong),
+        "recall": _share(right, right + missed),
+        "iou": _share(right, right + wrong + missed),
+        "ghosts_per_sweep": float(ghosts.mean()),
+        "ghost_sweeps": float((ghosts > 0).mean()),
+        "velocity_error_m_s": moving["velocity_error_m_s"].median(),
+        "direction_error_deg": math.degrees(moving["direction_error_rad"].median()),
+        "after_stop_s": _after_stop_s(objects),
+    }
+    for group in MOVER_GROUPS:
+        figures = _group_figures(group, group.among(objects))
+        found |= {f"{group.name}.{key}": value for key, value in figures.items()}
+    lost = _ANY.among(objects)["lost_by"].dropna().value_counts()
+    found |= {f"lost.{stage.value}": number for stage, number in lost.items()}
+    return found
+
+
+def _objects(scored: Sequence[tuple[ResultRow, MoverRow]]) -> pd.DataFrame:
+    """A line for each object and sweep; `view` numbers the times that objects come into view."""
+    lines = []
+    for row, movers in scored:
+        standing = (ObjectRow(number, "", False, 0.0, 0.0, 0, 0.0) for number in movers.standing)
+        for item in (*movers.objects, *standing):
+            time_s = row.stamp_ns / NANOSECONDS
+            line = {"recording": row.recording, "time_s": time_s, "is_found": item.is_found}
+            lines.append(vars(item) | line)
+    objects = pd.DataFrame(lines, columns=_COLUMNS).astype(_TYPES)
+    objects = objects.sort_values(["recording", "object_id", "time_s"])
+    away_s = objects.groupby(["recording", "object_id"])["time_s"].diff()
+    return objects.assign(view=(away_s.isna() | (away_s > _MAX_AWAY_S)).cumsum())
+
+
+def _group_figures(group: MoverGroup, own: pd.DataFrame) -> dict[str, float]:
+    """Scores of the movers of a group; empty without any."""
+    if own.empty:
+        return {}
+    times_s = own.groupby("view")["time_s"].agg(["min", "max"])
+    hits_s = own[own["is_found"]].groupby("view")["time_s"].agg(["min", "max"])
+    hits_s = hits_s.reindex(times_s.index)
+    since_s = own["time_s"] - own["view"].map(times_s["min"])
+    late = own[since_s >= group.first_s - _TINY_S]
+    between = own["time_s"].between(own["view"].map(hits_s["min"]), own["view"].map(hits_s["max"]))
+    return {
+        "num_movers": len(times_s),
+        "num_sweeps": len(late),
+        "found": late["is_found"].mean(),
+        "flicker": (between & ~own["is_found"]).mean(),
+        "delay_s": (hits_s["min"].fillna(times_s["max"]) - times_s["min"]).mean(),
+    }
+
+
+def _after_stop_s(objects: pd.DataFrame) -> float:
+    """Longest time that an object is called a mover after it stopped; NaN if none did."""
+    moves = objects["moves"].astype(int)
+    stops = moves.groupby(objects["view"]).cumsum()
+    stopped = objects[(stops > 0) & (moves == 0) & (objects["speed_m_s"] < STOPPED_M_S)]
+    starts_s = stopped.groupby([stopped["view"], stops])["time_s"].transform("min")
+    return float((stopped["time_s"] - starts_s).where(stopped["is_found"], 0.0).max())
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else math.nan

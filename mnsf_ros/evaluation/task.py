@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Final
 
@@ -14,16 +14,37 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
-from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
+from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.methods import make_method
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+
+@dataclass(frozen=True)
+class FinishedTask:
+    """End of one method on one recording, and what was noticed.
+
+    Attributes:
+        recording: Name of the recording.
+        method: Name of the method.
+        num_examples: Number of its rows.
+        counts: Event to its number.
+        damages: Parts that could not be read.
+        failure: Why it was given up, in one line; then a resumed run tries again.
+    """
+
+    recording: str
+    method: str
+    num_examples: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+    damages: list[str] = field(default_factory=list)
+    failure: str | None = None
+
 
 TaskEvent = ResultRow | Picture | FinishedTask
 

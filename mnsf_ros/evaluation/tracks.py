@@ -1,18 +1,22 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps, truth and poses of a recording, read together in the order of their stamps."""
+"""Sweeps, truth and poses of a recording, read together in the order of their stamps.
+
+What is noticed on the way is counted in Findings.
+"""
 
 from __future__ import annotations
 
 import bisect
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_reader import BagReader
@@ -24,6 +28,58 @@ from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
+
+# Enough of a recording that is damaged from end to end.
+_MAX_DAMAGES: Final = 100
+
+
+class Event(str, Enum):
+    """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it."""
+
+    SWEEPS_UNSTAMPED = "sweeps without a stamp; the time of reception was used"
+    SWEEPS_TIMES_UNUSED = (
+        "sweeps whose times per point cannot be read; they count as taken in one moment "
+        "(time.field, time.unit)"
+    )
+    SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
+    SWEEPS_WITHOUT_POSE = "sweeps without odometry"
+    SWEEPS_DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
+    SWEEPS_OUT_OF_ORDER = "sweeps older than the previous sweep, skipped"
+    JUMPS_BACK = "jumps back in time; no triplet spans them"
+    GAPS = "gaps in time; no triplet spans them"
+    FRAME_CHANGES = "changes of frame_id; no triplet spans them"
+    INTERRUPTIONS = "missing sweeps; no triplet spans the gap"
+    SWEEPS_MISSING = "sweeps missing by the stamps of their neighbours, without damage found there"
+    TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
+    TRUTH_UNFIT = "truth clouds that do not match their sweep or cannot be read, not used"
+    FRAMES_DIFFER = (
+        "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
+        "sensor_yaw_deg to where the sensor is mounted"
+    )
+
+
+@dataclass
+class Findings:
+    """Counts and damage of one pass over a recording.
+
+    Attributes:
+        counts: Event to number of occurrences.
+        damages: Unreadable parts, each place once.
+    """
+
+    counts: Counter[Event] = field(default_factory=Counter)
+    damages: dict[Damage, None] = field(default_factory=dict)
+
+    def count(self, event: Event, times: int = 1) -> None:
+        """Counts an event."""
+        if times:
+            self.counts[event] += times
+
+    def report(self, damage: Damage) -> None:
+        """Notes damage; several passes over a file find the same."""
+        if len(self.damages) < _MAX_DAMAGES:
+            self.damages.setdefault(damage)
+
 
 # Recorders write messages in order of reception. More than so many places off is a jump in time.
 _REORDER_WINDOW: Final = 4

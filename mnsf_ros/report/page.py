@@ -13,8 +13,8 @@ import jinja2
 from mnsf_ros import __version__
 from mnsf_ros.evaluation.pictures import ANIMATION, picture_file, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
+from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import missed_table, worst_table
 from mnsf_ros.report.text_table import format_number

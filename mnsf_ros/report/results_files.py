@@ -11,10 +11,9 @@ import pandas as pd
 
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_record import RunRecord, Session
-from mnsf_ros.evaluation.summary import groups_in
+from mnsf_ros.evaluation.summary import FAST, SLOW, groups_in
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.text_table import markdown_code, markdown_text
 

@@ -3,20 +3,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, product
+from typing import Final, NamedTuple
 
 import pandas as pd
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.results import FinishedTask, ResultRow
+from mnsf_ros.evaluation.options import num_sweeps_needed
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.summary import row_table, summary_of
-from mnsf_ros.report.notes import Note, notes_of, protocol_text
+from mnsf_ros.evaluation.task import FinishedTask
 from mnsf_ros.report.tables import further_tables, main_tables
 from mnsf_ros.report.text_table import TextTable
+
+_MAX_NAMES: Final = 4
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
+
+
+class Note(NamedTuple):
+    """A limit of the figures, in one line.
+
+    Attributes:
+        text: The line.
+        is_incomplete: Whether a recording was not evaluated as a whole.
+    """
+
+    text: str
+    is_incomplete: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,12 +81,12 @@ class RunResults:
     @property
     def protocol(self) -> list[str]:
         """Sentences on the data and the options behind the figures."""
-        return protocol_text(self.record, self.summary)
+        return _protocol_text(self.record, self.summary)
 
     @cached_property
     def notes(self) -> list[Note]:
         """Limits of the figures."""
-        return notes_of(self.record, self.finished, list(self.table["row"]))
+        return _notes_of(self.record, self.finished, list(self.table["row"]))
 
     @property
     def worst(self) -> pd.DataFrame:
@@ -113,3 +133,134 @@ def results_of(
         answered = {row.method for row in rows if row.failure is None}
         focus = next((name for name in rivals if name in answered), next(iter(rivals), ""))
     return RunResults(record, row_table(rows), list(finished), focus)
+
+
+def _protocol_text(run: RunRecord, summary: pd.DataFrame) -> list[str]:
+    """Returns sentences on the examples, points, settings and times of a run."""
+    options, crop = run.options, run.options.settings.crop
+    counts = sorted(set(summary.get("num_examples", ())))
+    numbers = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
+    examples = f"{numbers or 'no'} example{'' if numbers == '1' else 's'}"
+    recordings = "1 recording" if len(run.recordings) == 1 else f"{len(run.recordings)} recordings"
+    every = f", one in {options.every}" if options.every > 1 else ""
+    points = f"{options.num_points:,} random points" if options.num_points else "all points"
+    ground = "ground included"
+    if options.settings.ground.remove:
+        by_truth = options.ground == "truth" and any(one.truth for one in run.recordings)
+        ground = f"ground left out by {'the truth' if by_truth else 'the settings'}"
+    replay = (
+        f". Replay at {options.realtime:g} times real time, simulated from measured run times; "
+        "sweeps are dropped as in the live node"
+    )
+    return [
+        f"Unweighted mean over {examples} from {recordings}{every}.",
+        f"Scored: {points} within {crop.min_range_m:g} to {crop.max_range_m:g} m, {ground}; "
+        f"seed {options.seed}.",
+        _settings_text(run, [str(name) for name in summary.index]),
+        "Time: stages of one estimate, device synchronized; threads: "
+        f"{options.settings.compute.num_threads}{replay if options.realtime else ''}.",
+    ]
+
+
+def _settings_text(run: RunRecord, names: Sequence[str]) -> str:
+    """The preset of each method; references have none, unless there is nothing else."""
+    methods: dict[str, list[str]] = {}
+    for name in [name for name in names if name not in run.references] or names:
+        settings, start, changed = run.used_settings(name)
+        changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
+        warm = "on" if settings.warm_start.enabled else "off"
+        text = f"preset {start}{f' with {changes}' if changes else ''}, warm start {warm}"
+        methods.setdefault(text, []).append(name)
+    return "Settings: " + "; ".join(f"{', '.join(m)}: {text}" for text, m in methods.items()) + "."
+
+
+def _notes_of(
+    run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow] = ()
+) -> list[Note]:
+    """Returns the limits of the figures of a run, the incomplete recordings first."""
+    damages = chain(*(one.damages for one in run.recordings), *(one.damages for one in finished))
+    found = [
+        *_unfinished(run, finished, rows),
+        *(Note(f"Damage: {damage}", is_incomplete=True) for damage in damages),
+        *_without_example(run, finished),
+        *_failures(rows),
+        *_recordings_without(run, rows),
+        *(
+            Note(f"{task.recording}: {event}: {count:,}.")
+            for task in finished
+            for event, count in task.counts.items()
+        ),
+    ]
+    # Methods notice the same in the same recording.
+    return sorted(dict.fromkeys(found), key=lambda note: not note.is_incomplete)
+
+
+def _unfinished(
+    run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow]
+) -> Iterator[Note]:
+    ended = {(one.recording, one.method) for one in finished}
+    count = Counter((row.recording, row.method) for row in rows)
+    for key in product([one.name for one in run.recordings], run.method_names):
+        if key not in ended:
+            recording, method = key
+            text = f"{method} on {recording}, examples so far: {count[key]:,}"
+            yield Note(f"Unfinished: {text}; continue with --resume.", is_incomplete=True)
+
+
+def _without_example(run: RunRecord, finished: Sequence[FinishedTask]) -> Iterator[Note]:
+    num_sweeps = {one.name: one.num_sweeps for one in run.recordings}
+    for task in finished:
+        if task.num_examples == 0:
+            there = num_sweeps[task.recording]
+            needed = num_sweeps_needed(run.options, there)
+            yield Note(
+                f"No example: {task.recording} contains no {needed} consecutive sweeps with at "
+                f"most buffer.max_interval_s between them (sweeps in all: {there:,}). --pairs "
+                "uses two.",
+                is_incomplete=True,
+            )
+
+
+def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
+    """Failures of each method, those whose reasons differ in numbers alone together.
+
+    Dropped examples do not count. A recording is incomplete if all of its examples failed.
+    """
+    answered = {(row.method, row.recording) for row in rows if row.failure is None}
+    kinds: dict[tuple[str, str], list[ResultRow]] = {}
+    for row in rows:
+        if row.has_failed:
+            kinds.setdefault((row.method, _NUMBER.sub("#", row.failure or "")), []).append(row)
+    for (method, _), failed in kinds.items():
+        first, reason = failed[0], (failed[0].failure or "").removesuffix(".")
+        text = (
+            f"{method}: examples without a flow: {len(failed):,}; the first, sweep "
+            f"{first.number} of {first.recording}: {reason}."
+        )
+        names = dict.fromkeys(row.recording for row in failed)
+        lost = [name for name in names if (method, name) not in answered]
+        yield Note(f"{text} No flow at all: {_listed(lost)}." if lost else text, bool(lost))
+
+
+def _recordings_without(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:
+    """Recordings without checksums, without truth, and with truth for no scored point."""
+    good = [row for row in rows if row.failure is None]
+    scored = {row.recording for row in good if row.errors and row.errors["all"].num_points}
+    unscored = {row.recording for row in good} - scored
+    blind = {one.name for one in run.recordings if one.truth is None}
+    lacks = {
+        "no checksums, so flipped bits inside a message would go unnoticed": {
+            one.name for one in run.recordings if not one.has_checksums
+        },
+        "no true flow, so no errors": blind,
+        "no scored point has valid truth, so no errors": unscored - blind,
+    }
+    for text, lacking in lacks.items():
+        names = [one.name for one in run.recordings if one.name in lacking]
+        if names:
+            yield Note(f"{_listed(names)}: {text}.")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    return f"{', '.join(names[:_MAX_NAMES])}{more}"

@@ -10,10 +10,9 @@ from typing import Final, NamedTuple
 import pandas as pd
 
 from mnsf_ros.evaluation.argoverse_metrics import THREE_WAY
-from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup
 from mnsf_ros.evaluation.movers import LostBy, ObjectRow
-from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.summary import errors_in, part_of
+from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, MoverGroup, errors_in, part_of
 from mnsf_ros.report.text_table import NO_VALUE, Better, TextTable, format_number
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 

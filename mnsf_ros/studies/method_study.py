@@ -16,9 +16,9 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import chosen_recordings
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
+from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results

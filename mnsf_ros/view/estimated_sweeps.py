@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.errors import MnsfError, RecordingError
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import (
+    Findings,
     TruthCloud,
     TruthTrack,
     in_stamp_order,

@@ -20,7 +20,7 @@ from mcap.writer import Writer as McapWriter
 
 from mnsf_ros.cli.main import run
 from mnsf_ros.evaluation.parallel import run_serially
-from mnsf_ros.evaluation.results import FinishedTask
+from mnsf_ros.evaluation.task import FinishedTask
 
 # Those that start a process draw all the same.
 pytestmark = pytest.mark.usefixtures("without_drawing")

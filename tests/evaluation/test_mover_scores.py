@@ -11,12 +11,10 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Reason, TrackedObject, Verdict
-from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import from_json, to_json
-from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.summary import summarize
+from mnsf_ros.evaluation.scoring import ResultRow, scored_row
+from mnsf_ros.evaluation.summary import FAST, SLOW, summarize
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.report.tables import further_tables, main_tables
 

@@ -11,7 +11,7 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import make_method, method_names, registry
 from mnsf_ros.presets import preset

@@ -8,7 +8,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.outcomes import replayed
-from mnsf_ros.evaluation.results import DROPPED
+from mnsf_ros.evaluation.scoring import DROPPED
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet

@@ -19,7 +19,7 @@ import small_evaluations as small
 from mnsf_ros.cli import main
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.parallel import executor, run_serially
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.scoring import ResultRow
 
 needs_ray = [
     pytest.mark.slow,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.results import DROPPED, ResultRow
+from mnsf_ros.evaluation.scoring import DROPPED, ResultRow
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.report.tables import further_tables
 

@@ -11,8 +11,9 @@ import pytest
 import small_evaluations as small
 from bag_messages import cloud_message
 
-from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.tracks import (
+    Event,
+    Findings,
     TruthCloud,
     TruthTrack,
     recorded_poses,

@@ -10,9 +10,9 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.pictures import Picture, save_picture, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.scoring import DROPPED, ResultRow
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 
