@@ -22,8 +22,6 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-# Recordings whose sweeps are motion compensated: their points have no times of their own.
-_COMPENSATED = frozenset({"apollo_arz034"})
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
 # Identity of the program that simulates.
@@ -35,7 +33,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class TrueSweep:
-    """A sweep with its truth; unknown parts are None.
+    """A sweep with its truth.
 
     Attributes:
         sweep: The sweep.
@@ -50,16 +48,16 @@ class TrueSweep:
 
     sweep: Sweep
     pose: NDArray[np.float64]
-    flow: NDArray[np.float32] | None = None
-    dynamic: NDArray[np.bool_] | None = None
-    scored: NDArray[np.bool_] | None = None
-    ground: NDArray[np.bool_] | None = None
-    body: NDArray[np.integer[Any]] | None = None
-    class_id: NDArray[np.uint8] | None = None
+    flow: NDArray[np.float32]
+    dynamic: NDArray[np.bool_]
+    scored: NDArray[np.bool_]
+    ground: NDArray[np.bool_]
+    body: NDArray[np.integer[Any]]
+    class_id: NDArray[np.uint8]
 
 
 def real_sweeps(name: str) -> list[TrueSweep]:
-    """Returns the sweeps of a folder of the shared data; none if it is absent."""
+    """Returns the labelled sweeps of a folder of the shared data; none if it is absent."""
     return [_real(path) for path in sorted((DATA / name).glob("sweep_*.npz"))]
 
 
@@ -70,10 +68,8 @@ def _real(path: Path) -> TrueSweep:
         np.ascontiguousarray(arrays["xyz"], np.float32),
         int(arrays["stamp_ns"]),
         "lidar",
-        times_s=None if path.parent.name in _COMPENSATED else arrays["time_offset"],
+        times_s=arrays["time_offset"],
     )
-    if "flow" not in arrays:
-        return TrueSweep(sweep, arrays["pose"])
     # Movers are labelled only in view of the camera; elsewhere they would count as static.
     scored = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_ground"]
     truth = (

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from drives import TrueSweep, kept_world, real_sweeps
+from drives import TrueSweep, kept_world, real_sweeps, triplet_at
 from frame import make_parser
 from movers import CACHE, DURATION_S
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ from mnsf_ros.objects.confidence import doubtful_features, moving_features, stan
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.presets import preset
-from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CLOSE_M: Final = 0.1
 # An object counts by its points to this power.
@@ -112,7 +111,7 @@ def _add(found: dict[str, list[Samples]], sweeps: list[TrueSweep], count: float)
     """Adds the samples of a recording, by the names of their regressions."""
     estimator = make_method("online", preset("online"))
     for index in range(1, len(sweeps) - 1):
-        triplet = SweepTriplet(*(item.sweep for item in sweeps[index - 1 : index + 2]))
+        triplet = triplet_at(sweeps, index)
         estimates = [estimator.estimate(triplet)]
         if index < NUM_FIRST:
             continue
