@@ -106,11 +106,10 @@ def run_play(options: argparse.Namespace) -> None:
     """Publishes a recording."""
     require_ros()
     prepare_environment()
-    from mnsf_ros.node.play import PlayOptions, play
+    from mnsf_ros.node.play import play
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
-    how = PlayOptions(topics, options.rate, options.loop, options.clock, options.wait)
     with open_recording(options.bag, console.warn) as reader:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)
@@ -121,7 +120,16 @@ def run_play(options: argparse.Namespace) -> None:
             task = progress.add_task(
                 f"playing on ROS domain {domain}", total=None if options.loop else total
             )
-            play(reader, how, lambda number: progress.update(task, completed=number), console.warn)
+            play(
+                reader,
+                lambda number: progress.update(task, completed=number),
+                console.warn,
+                topics=topics,
+                rate=options.rate,
+                loop=options.loop,
+                clock=options.clock,
+                wait=options.wait,
+            )
 
 
 def rate(text: str) -> float:

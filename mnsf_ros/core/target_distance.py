@@ -8,7 +8,6 @@ looked up everywhere, exact (Euclidean) at the grid nodes up to the rounding of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import edt
 import numpy as np
@@ -49,9 +48,10 @@ class TargetDistance:
             settings: Kind, cell size, the largest grid allowed, the truncation.
         """
         if settings.kind == "grid":
-            box = GridBox.around(points, settings.cell_size_m)
-            if box.num_cells <= settings.max_cells:
-                return cls(DistanceTransform.from_points(points, box), settings.truncation_m)
+            _, shape = nodes_around(points, settings.cell_size_m)
+            if math.prod(shape) <= settings.max_cells:
+                grid = DistanceTransform(points, settings.cell_size_m)
+                return cls(grid, settings.truncation_m)
         return cls(NearestNeighborDistance(points), settings.truncation_m)
 
     @property
@@ -100,68 +100,40 @@ class NearestNeighborDistance:
         )
 
 
-@dataclass(frozen=True)
-class GridBox:
-    """Extent and resolution of a grid.
-
-    Attributes:
-        origin: Position of node (0, 0, 0), metres.
-        shape: Number of nodes along x, y and z.
-        cell_size_m: Distance between neighboring nodes.
-    """
-
-    origin: tuple[float, float, float]
-    shape: tuple[int, int, int]
-    cell_size_m: float
-
-    @classmethod
-    def around(cls, points: torch.Tensor, cell_size_m: float) -> GridBox:
-        """The box around (N, 3) points, with a little padding."""
-        low = points.min(dim=0).values.double().tolist()
-        high = points.max(dim=0).values.double().tolist()
-        first = [math.floor(value / cell_size_m) - _PADDING_CELLS for value in low]
-        last = [math.ceil(value / cell_size_m) + _PADDING_CELLS for value in high]
-        x, y, z = (node * cell_size_m for node in first)
-        nx, ny, nz = (b - a + 1 for a, b in zip(first, last, strict=True))
-        return cls((x, y, z), (nx, ny, nz), cell_size_m)
-
-    @property
-    def num_cells(self) -> int:
-        """Number of nodes; each takes 4 bytes."""
-        return math.prod(self.shape)
+def nodes_around(
+    points: torch.Tensor, cell_size_m: float
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Returns the numbers of the first node and of all nodes along x, y, z around (N, 3) points."""
+    low = points.min(dim=0).values.double().tolist()
+    high = points.max(dim=0).values.double().tolist()
+    first = tuple(math.floor(value / cell_size_m) - _PADDING_CELLS for value in low)
+    last = (math.ceil(value / cell_size_m) + _PADDING_CELLS for value in high)
+    return first, tuple(b - a + 1 for a, b in zip(first, last, strict=True))
 
 
 class DistanceTransform:
     """Distances to a sweep on a grid, interpolated trilinearly between the nodes.
 
     Attributes:
-        distances: (nx, ny, nz) float32, metres, those of the nodes.
+        distances: (nx, ny, nz) float32, metres, those of the nodes, on the device of the points.
+        low: (3,) metres, the first node.
+        high: (3,) metres, the last node.
     """
 
     kind = "grid"
 
-    def __init__(self, distances: torch.Tensor, box: GridBox) -> None:
-        self.distances = distances
-        self._low = distances.new_tensor(box.origin)
-        steps = distances.new_tensor(box.shape) - 1
-        self._high = self._low + steps * box.cell_size_m
-
-    @classmethod
-    def from_points(cls, points: torch.Tensor, box: GridBox) -> DistanceTransform:
-        """Builds the transform with torch's threads.
-
-        Args:
-            points: (N, 3) float32, metres, inside the box. Its device holds the result.
-            box: The grid.
-        """
-        origin = np.array(box.origin)
-        nodes = np.rint((points.cpu().numpy() - origin) / box.cell_size_m).astype(np.int64)
-        is_free = np.ones(box.shape, dtype=np.uint8)
+    def __init__(self, points: torch.Tensor, cell_size_m: float) -> None:
+        """Builds the transform to (N, 3) points, metres, with torch's threads."""
+        first, shape = nodes_around(points, cell_size_m)
+        origin = np.array([node * cell_size_m for node in first])
+        nodes = np.rint((points.cpu().numpy() - origin) / cell_size_m).astype(np.int64)
+        is_free = np.ones(shape, dtype=np.uint8)
         is_free[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
-        distances = edt.edt(
-            is_free, anisotropy=(box.cell_size_m,) * 3, parallel=torch.get_num_threads()
-        )
-        return cls(on_device(distances, points.device), box)
+        threads = torch.get_num_threads()
+        distances = edt.edt(is_free, anisotropy=(cell_size_m,) * 3, parallel=threads)
+        self.distances = on_device(distances, points.device)
+        self.low = self.distances.new_tensor(origin.tolist())
+        self.high = self.low + (self.distances.new_tensor(shape) - 1) * cell_size_m
 
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
         """Distance of positions to the sweep.
@@ -175,8 +147,8 @@ class DistanceTransform:
         Returns:
             (M,) metres, differentiable.
         """
-        inside = torch.minimum(torch.maximum(positions, self._low), self._high)
-        unit = 2 * (inside - self._low) / (self._high - self._low) - 1  # [M, 3] in -1..1
+        inside = torch.minimum(torch.maximum(positions, self.low), self.high)
+        unit = 2 * (inside - self.low) / (self.high - self.low) - 1  # [M, 3] in -1..1
         looked_up = functional.grid_sample(
             self.distances[None, None],
             unit.flip(1)[None, None, None],  # grid_sample wants the last axis first

@@ -14,7 +14,6 @@ from mnsf_ros.settings import Settings
 
 PERIOD_S: Final = 600.0
 _PACKAGE: Final = __name__.partition(".")[0]
-_MOST_NAMES: Final = 6
 _FRAMES_SHOWN: Final = 3
 
 # rclpy's logger, whose type moves about.
@@ -49,9 +48,7 @@ def log_to_ros(logger: Logger) -> None:
 def greeting(settings: Settings) -> str:
     """Returns one line: the nearest preset and its changes, device, threads, ego motion."""
     name, changed = nearest_preset(settings, ("compute.num_threads",))
-    if len(changed) > _MOST_NAMES:
-        name += f" with {len(changed)} changes"
-    elif changed:
+    if changed:
         name += f" but for {', '.join(changed)}"
     threads = settings.compute.num_threads
     return (

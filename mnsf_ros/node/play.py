@@ -7,7 +7,6 @@ import heapq
 import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Final, TypeVar
 
@@ -24,53 +23,43 @@ Publish = Callable[[bytes], None]
 Timed = TypeVar("Timed", bound=tuple[Any, ...])
 
 
-@dataclass(frozen=True)
-class PlayOptions:
-    """Selection and speed of the messages.
-
-    Attributes:
-        topics: Only these, which must be in the recording; all if empty.
-        rate: Speed over that of the recording, above 0.
-        loop: Start again at the end.
-        clock: Publish the time of the recording on /clock, for `use_sim_time`.
-        wait: Start when somebody subscribes to a cloud of the recording.
-    """
-
-    topics: Sequence[str] = ()
-    rate: float = 1.0
-    loop: bool = False
-    clock: bool = False
-    wait: bool = False
-
-
 def play(
     reader: BagReader,
-    options: PlayOptions,
     on_message: Callable[[int], None],
     on_left_out: Callable[[str], None],
+    *,
+    topics: Sequence[str] = (),
+    rate: float = 1.0,
+    loop: bool = False,
+    clock: bool = False,
+    wait: bool = False,
 ) -> None:
     """Publishes the messages of a recording, each when it is due.
 
     Args:
         reader: The recording, open.
-        options: Selection and speed.
         on_message: Called with the number of messages published so far.
         on_left_out: Called once for each topic that cannot be published, with the reason.
+        topics: Only these, which must be in the recording; all if empty.
+        rate: Speed over that of the recording, above 0.
+        loop: Start again at the end.
+        clock: Publish the time of the recording on /clock, for `use_sim_time`.
+        wait: Start when somebody subscribes to a cloud of the recording.
 
     Raises:
         RecordingError: Damage is met.
         MessageTypeError: No topic can be published.
     """
     with RawTopics("mnsf_play") as ros:
-        publishers = _publishers(reader, ros, options.topics, on_left_out)
-        tell_time = ros.clock() if options.clock else None
+        publishers = _publishers(reader, ros, topics, on_left_out)
+        tell_time = ros.clock() if clock else None
         ros.spin_for(_SETTLE_S)
-        while options.wait and not _is_heard(reader, ros, publishers):
+        while wait and not _is_heard(reader, ros, publishers):
             ros.spin_for(_SETTLE_S)
         number = 0
-        for _ in itertools.count() if options.loop else range(1):
+        for _ in itertools.count() if loop else range(1):
             messages = _in_order(reader, list(publishers))
-            for _, topic, raw in in_time(messages, ros.spin_for, options.rate, tell_time):
+            for _, topic, raw in in_time(messages, ros.spin_for, rate, tell_time):
                 publishers[topic](raw)
                 number += 1
                 on_message(number)

@@ -16,7 +16,6 @@ from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, positi
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
 from msg_utils.point_cloud2 import (
-    clash_names,
     decode_xyz,
     encode_columns,
     encode_with_columns,
@@ -88,11 +87,3 @@ def flow_cloud(
     else:
         encoded = encode_with_columns(cloud, columns, clash_prefix=_CLASH_PREFIX, rows=rows)
     return serialized_cloud(cloud.header, encoded, is_dense=bool(measured.all()))
-
-
-def renamed_fields(message: PointCloudLike, output: OutputSettings) -> dict[str, str]:
-    """Returns the fields of a cloud that `flow_cloud` renames: old name to new name."""
-    if output.layout == "compact":
-        return {}
-    names = [field.name for field in message.fields]
-    return clash_names(names, [column.name for column in chosen_columns(output)], _CLASH_PREFIX)

@@ -10,9 +10,9 @@ import torch
 
 from mnsf_ros.core.target_distance import (
     DistanceTransform,
-    GridBox,
     NearestNeighborDistance,
     TargetDistance,
+    nodes_around,
 )
 from mnsf_ros.settings import Settings
 
@@ -25,7 +25,7 @@ def distance_to(points, **changes):
 
 
 def transform(points, cell_size_m=CELL_M):
-    return DistanceTransform.from_points(points, GridBox.around(points, cell_size_m))
+    return DistanceTransform(points, cell_size_m)
 
 
 def brute_force(positions, points):
@@ -48,13 +48,12 @@ def anywhere(points, generator, beyond):
 @pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
 def test_exact_at_the_nodes(generator, device, cell_size_m):
     points = cell_size_m * torch.randint(-12, 13, (40, 3), generator=generator).to(device)
-    box = GridBox.around(points, cell_size_m)
     axes = [
-        start + cell_size_m * torch.arange(count)
-        for start, count in zip(box.origin, box.shape, strict=True)
+        cell_size_m * torch.arange(first, first + count)
+        for first, count in zip(*nodes_around(points, cell_size_m), strict=True)
     ]
     nodes = torch.cartesian_prod(*axes).to(device)
-    distances = DistanceTransform.from_points(points, box)(nodes)
+    distances = transform(points, cell_size_m)(nodes)
     torch.testing.assert_close(distances, brute_force(nodes, points), atol=1e-4, rtol=1e-4)
     assert distances.max() > 4 * cell_size_m
 
@@ -75,11 +74,10 @@ def test_between_the_nodes_wrong_by_less_than_a_cell_and_a_half(
 @pytest.mark.parametrize("beyond", [2.0, 30.0, 1e4])
 def test_outside_it_is_not_too_small_and_pulls_back(points, generator, beyond):
     positions = anywhere(points, generator, beyond)
-    box, distances = GridBox.around(points, CELL_M), transform(points)
+    distances = transform(points)
     excess = distances(positions) - brute_force(positions, points)
     assert (excess > -1.5 * math.sqrt(3) * CELL_M - 1e-6 * beyond).all()
-    low = points.new_tensor(box.origin)
-    high = low + CELL_M * (points.new_tensor(box.shape) - 1)
+    low, high = distances.low, distances.high
     positions = positions[((positions < low) | (positions > high)).any(dim=1)].requires_grad_()
     assert len(positions) > 100
     (pull,) = torch.autograd.grad(distances(positions).sum(), positions)
@@ -116,7 +114,7 @@ def test_positions_that_are_points_far_away_or_no_numbers(points, lookup):
 
 def test_setting_chooses_the_kind_but_a_grid_that_is_too_large_is_replaced(points):
     assert distance_to(points, kind="tree").kind == "tree"
-    num_cells = GridBox.around(points, 0.1).num_cells
+    num_cells = math.prod(nodes_around(points, 0.1)[1])
     assert distance_to(points, kind="grid", max_cells=num_cells).kind == "grid"
     assert distance_to(points, kind="grid", max_cells=num_cells - 1).kind == "tree"
     # With 10 cells per metre and 10 m of height, 10 km need 10^9 cells and more.

@@ -30,7 +30,3 @@ def test_greeting_names_the_changes_to_a_preset():
     assert greeting(changed).startswith("preset online but for crop.max_range_m, ego_motion.source")
     paper = preset("paper").changed({"compute.num_threads": 1})
     assert greeting(paper).startswith("preset paper, method mnsf, device auto, 1 thread, ")
-    names = ("min_range_m", "max_range_m", "min_height_m", "max_height_m")
-    many = {f"crop.{name}": 1.5 * index for index, name in enumerate(names, start=1)}
-    many |= {"ground.window_m": 9, "ground.cell_size_m": 0.6, "objects.max_points": 5000}
-    assert "preset online with 7 changes, " in greeting(Settings().changed(many))

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
-from mnsf_ros.node.play import PlayOptions, in_time, play
+from mnsf_ros.node.play import in_time, play
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
@@ -66,9 +66,8 @@ def test_topics_are_chosen_and_the_first_message_waits_for_somebody_who_listens(
     heard: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
 
     def run_play() -> None:
-        options = PlayOptions(topics=("/points", "/tf"), wait=True)
         with BagReader(street) as reader:
-            play(reader, options, lambda _: None, left_out.append)
+            play(reader, lambda _: None, left_out.append, topics=("/points", "/tf"), wait=True)
 
     player = Thread(target=run_play, daemon=True)
     player.start()
