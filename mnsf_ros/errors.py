@@ -115,16 +115,21 @@ _EXTRAS: Final = {
 }
 
 
+_REMEDIES: Final = {
+    **{name: f"in the checkout: pip install '.[{extra}]'" for name, extra in _EXTRAS.items()},
+    "rclpy": "source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install its wheels (in the "
+    "checkout: pip install '.[wheels]')",
+}
+
+
 def library_missing(error: ModuleNotFoundError) -> str:
     """Returns one line: the missing library, the Python it is missing for, and the remedy."""
     name = (error.name or str(error)).partition(".")[0]
-    extra = _EXTRAS.get(name)
-    remedy = (
+    remedy = _REMEDIES.get(
+        name,
         "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon build' "
-        "in the virtual environment that has it"
-        if extra is None
-        else f"in the checkout: pip install '.[{extra}]'"
+        "in the virtual environment that has it",
     )
-    if extra == "networks":
+    if _EXTRAS.get(name) == "networks":
         remedy += " (or use a method without networks, for example online)"
     return f"the Python library {name!r} is not installed for {sys.executable}: {remedy}"

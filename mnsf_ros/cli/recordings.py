@@ -13,7 +13,7 @@ from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
-from mnsf_ros.node.environment import prepare_environment, require_ros
+from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
@@ -104,7 +104,6 @@ def add_play(arguments: Arguments) -> None:
 
 def run_play(options: argparse.Namespace) -> None:
     """Publishes a recording."""
-    require_ros()
     prepare_environment()
     from mnsf_ros.node.play import play
 

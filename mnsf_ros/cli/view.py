@@ -51,9 +51,8 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
 
 
 def _show_node(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.node.environment import prepare_environment, require_ros
+    from mnsf_ros.node.environment import prepare_environment
 
-    require_ros()
     prepare_environment()
     from mnsf_ros.view.node_view import NodeView
 

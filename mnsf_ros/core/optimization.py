@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeAlias
 
 import torch
 from torch import nn
@@ -39,6 +40,8 @@ class Schedule:
         deadline: `time.monotonic()` value after which no further step starts.
         cancelled: Asked before each step; True abandons the estimate.
         records_steps: Whether CUDA may record a step and replay it.
+        keep_best: Whether to return to the weights of the lowest loss.
+        weight_decay: Of Adam.
     """
 
     max_iterations: int
@@ -49,6 +52,8 @@ class Schedule:
     deadline: float = math.inf
     cancelled: Callable[[], bool] = lambda: False
     records_steps: bool = True
+    keep_best: bool = True
+    weight_decay: float = 0.0
 
     def learning_rate_at(self, iteration: int) -> float:
         """Step size of an iteration, counted from 0."""
@@ -57,31 +62,12 @@ class Schedule:
         return self.learning_rate * 0.5 * (1 + math.cos(math.pi * iteration / self.max_iterations))
 
 
-@dataclass(frozen=True)
-class PartlyJudgedLoss:
-    """Sum of losses, and the one loss for early stopping.
-
-    Attributes:
-        total: The sum to minimize; the weights of its lowest value are the best ones.
-        judged: The loss for early stopping.
-    """
-
-    total: torch.Tensor
-    judged: torch.Tensor
+# Computes the loss of a network as it is now, a scalar. Of two, the first one is minimized, and the
+# other one decides when to stop.
+LossOf: TypeAlias = Callable[[], torch.Tensor | tuple[torch.Tensor, torch.Tensor]]
 
 
-# Computes the loss of a network as it is now, a scalar.
-LossOf = Callable[[], torch.Tensor | PartlyJudgedLoss]
-
-
-def minimize(
-    network: nn.Module,
-    loss_of: LossOf,
-    schedule: Schedule,
-    *,
-    keep_best: bool,
-    weight_decay: float = 0.0,
-) -> OptimizationResult:
+def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
     """Optimizes a network in place; one without weights stays as it is.
 
     Args:
@@ -89,8 +75,6 @@ def minimize(
         loss_of: Computes the current loss, as a rule in metres. It must not read a value of the
             device.
         schedule: Number and size of the steps, and when to stop.
-        keep_best: Whether to return to the weights of the lowest loss.
-        weight_decay: Of Adam.
 
     Raises:
         OptimizationError: If a loss is not finite and there are no better weights to return to.
@@ -100,7 +84,7 @@ def minimize(
     if not weights:
         loss, _ = _parts(loss_of())
         return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
-    fit = _Fit(weights, loss_of, schedule, keep_best=keep_best, weight_decay=weight_decay)
+    fit = _Fit(weights, loss_of, schedule)
     if fit.device.type == "cuda":
         with _recorder().on_its_stream():
             _take_steps(fit, schedule)
@@ -133,22 +117,13 @@ def _take_steps(fit: _Fit, schedule: Schedule) -> None:
 class _Fit:
     """One optimization under way; its early stopping and best weights stay on its device."""
 
-    def __init__(
-        self,
-        weights: list[nn.Parameter],
-        loss_of: LossOf,
-        schedule: Schedule,
-        *,
-        keep_best: bool,
-        weight_decay: float,
-    ) -> None:
-        self._parameters, self._loss_of = weights, loss_of
-        self._schedule, self._keeps_best = schedule, keep_best
+    def __init__(self, weights: list[nn.Parameter], loss_of: LossOf, schedule: Schedule) -> None:
+        self._parameters, self._loss_of, self._schedule = weights, loss_of, schedule
         self.device = device = weights[0].device
         # Fused: one pass over all weights; for networks this small that is a tenth of a step.
         # Capturable: on CUDA a step can be recorded.
         self._optimizer = torch.optim.Adam(
-            weights, weight_decay=weight_decay, fused=True, capturable=weights[0].is_cuda
+            weights, weight_decay=schedule.weight_decay, fused=True, capturable=weights[0].is_cuda
         )
         self.num_steps = 0
         self.is_late = False
@@ -194,7 +169,7 @@ class _Fit:
         """Takes the loss of the weights before the step."""
         self._loss.copy_(torch.where(self._is_active, loss, self._loss))
         self._is_active.logical_and_(torch.isfinite(loss))
-        if self._keeps_best:
+        if self._schedule.keep_best:
             is_better = self._is_active & (loss < self._best)
             self._best.copy_(torch.where(is_better, loss, self._best))
             self._keep(is_better)
@@ -203,7 +178,7 @@ class _Fit:
     @torch.no_grad()
     def _judge(self, loss: torch.Tensor) -> None:
         """Counts the steps without improvement of the loss from before the step."""
-        if not self._keeps_best:
+        if not self._schedule.keep_best:
             self._keep(self._is_active)
         has_fallen = loss < self._fallen_to - self._schedule.min_delta_m
         self._fallen_to.copy_(torch.where(has_fallen, loss, self._fallen_to))
@@ -223,7 +198,7 @@ class _Fit:
     def result(self) -> OptimizationResult:
         """The result; the network gets its final weights."""
         num_active = int(self._num_active)
-        is_kept = num_active > 0 and (self._keeps_best or self._schedule.patience > 0)
+        is_kept = num_active > 0 and (self._schedule.keep_best or self._schedule.patience > 0)
         for parameter, kept in zip(self._parameters, self._kept, strict=True):
             parameter.grad = None
             if is_kept:
@@ -240,9 +215,11 @@ class _Fit:
         return StopReason.TIME_BUDGET if self.is_late else StopReason.ITERATION_LIMIT
 
 
-def _parts(loss: torch.Tensor | PartlyJudgedLoss) -> tuple[torch.Tensor, torch.Tensor]:
+def _parts(
+    loss: torch.Tensor | tuple[torch.Tensor, torch.Tensor],
+) -> tuple[torch.Tensor, torch.Tensor]:
     """The loss to minimize, and the one to judge by."""
-    return (loss.total, loss.judged) if isinstance(loss, PartlyJudgedLoss) else (loss, loss)
+    return loss if isinstance(loss, tuple) else (loss, loss)
 
 
 def _checked(loss: float) -> float:

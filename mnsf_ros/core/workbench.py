@@ -186,28 +186,15 @@ class Workbench:
         """(M, 3) metres, points of another sweep for fits."""
         return self._sampled(sweep.points)
 
-    def fit(
-        self,
-        stage: str,
-        network: nn.Module,
-        loss_of: LossOf,
-        schedule: Schedule,
-        *,
-        keep_best: bool = True,
-        weight_decay: float = 0.0,
-    ) -> None:
-        """Optimizes a network in place, to its best weights or, if they are not kept, the last.
-
-        Its time and result go under the name of the stage.
+    def fit(self, stage: str, network: nn.Module, loss_of: LossOf, schedule: Schedule) -> None:
+        """Optimizes a network in place; time and result go under the name of the stage.
 
         Raises:
             OptimizationError: If the loss is not finite.
             CancelledError: If the schedule says so.
         """
         with self.stage(stage):
-            self.fits[stage] = minimize(
-                network, loss_of, schedule, keep_best=keep_best, weight_decay=weight_decay
-            )
+            self.fits[stage] = minimize(network, loss_of, schedule)
 
     def flow(
         self, stage: str, network: nn.Module, rows: torch.Tensor | None = None

@@ -87,9 +87,10 @@ def nsfp(bench: Workbench, *, is_linear: bool = False) -> torch.Tensor:
         learning_rate=settings.learning_rate,
         patience=settings.patience,
         min_delta_m=settings.min_delta_m2,
+        weight_decay=settings.weight_decay,
     )
     schedule = _schedule_for(there, schedule, bench)
-    bench.fit("forward", both, loss_of, schedule, weight_decay=settings.weight_decay)
+    bench.fit("forward", both, loss_of, schedule)
     return bench.flow("forward", there)
 
 

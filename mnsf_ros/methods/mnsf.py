@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
 from torch import nn
 
 from mnsf_ros.core.networks import Perceptron, invert_motion
-from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule
+from mnsf_ros.core.optimization import Schedule
 from mnsf_ros.core.workbench import PreparedSweep, Workbench
 
 
@@ -62,7 +62,7 @@ def fitted_mnsf(bench: Workbench, num_fields: int = 2) -> tuple[torch.Tensor, Ne
         networks = Networks.fresh(bench, num_fields)
     if len(bench.before) < num_fields - 1:
         one = bench.field_schedules(2)[:1]
-        return _fitted_flows(bench, networks, one, keep_best=True)[0], networks
+        return _fitted_flows(bench, networks, one)[0], networks
     # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
     forward_flow, *backward_flows = _field_flows(bench, networks)
     # 3.: the backward flow is inverted.
@@ -74,23 +74,23 @@ def fitted_mnsf(bench: Workbench, num_fields: int = 2) -> tuple[torch.Tensor, Ne
 
 def _field_flows(bench: Workbench, networks: Networks) -> list[torch.Tensor]:
     """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
-    fields, keep_best = networks.fields, bench.settings.fusion.fields == "best"
-    if not bench.settings.optimization.joint:
-        schedules = bench.field_schedules(len(fields))
-        return _fitted_flows(bench, networks, schedules, keep_best=keep_best)
-    targets = (bench.next, *bench.before)
+    fields, is_joint = networks.fields, bench.settings.optimization.joint
+    keep_best = bench.settings.fusion.fields == "best"
+    number = 1 if is_joint else len(fields)
+    schedules = [replace(one, keep_best=keep_best) for one in bench.field_schedules(number)]
+    if not is_joint:
+        return _fitted_flows(bench, networks, schedules)
 
-    def loss_of() -> PartlyJudgedLoss:
+    def loss_of() -> tuple[torch.Tensor, torch.Tensor]:
         """The sum, as in the authors' code, not in the paper: they share one optimizer.
 
         Whether it still falls is judged by the first field alone; the others may stop half-way.
         """
-        pairs = zip(fields, targets, strict=True)
+        pairs = zip(fields, (bench.next, *bench.before), strict=True)
         losses = [_loss(bench, field, target) for field, target in pairs]
-        return PartlyJudgedLoss(torch.stack(losses).sum(), losses[0])
+        return torch.stack(losses).sum(), losses[0]
 
-    (schedule,) = bench.field_schedules(1)
-    bench.fit("fields", nn.ModuleList(fields), loss_of, schedule, keep_best=keep_best)
+    bench.fit("fields", nn.ModuleList(fields), loss_of, schedules[0])
     return [bench.flow("fields", field) for field in fields]
 
 
@@ -100,7 +100,7 @@ def _loss(bench: Workbench, field: nn.Module, target: PreparedSweep) -> torch.Te
 
 
 def _fitted_flows(
-    bench: Workbench, networks: Networks, schedules: Sequence[Schedule], *, keep_best: bool
+    bench: Workbench, networks: Networks, schedules: Sequence[Schedule]
 ) -> list[torch.Tensor]:
     """The flows of as many fields as there are schedules, each fitted by itself."""
     flows = []
@@ -110,7 +110,7 @@ def _fitted_flows(
         stages, networks.fields, targets, schedules, strict=False
     ):
         loss_of = partial(_loss, bench, field, target)
-        bench.fit(stage, field, loss_of, schedule, keep_best=keep_best)
+        bench.fit(stage, field, loss_of, schedule)
         flows.append(bench.flow(stage, field))
     return flows
 

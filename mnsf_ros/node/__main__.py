@@ -16,7 +16,7 @@ try:
     from typing import TYPE_CHECKING
 
     from mnsf_ros import __version__
-    from mnsf_ros.errors import MnsfError, SettingsError, library_missing, one_line
+    from mnsf_ros.errors import SettingsError, library_missing, one_line
 except KeyboardInterrupt:
     os._exit(0)
 
@@ -65,11 +65,11 @@ def main(*, has_life_cycle: bool = False) -> None:
     signals = _EndSignals()
     _refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
     try:
-        _prepare_process()
+        from mnsf_ros.node.environment import keep_memory, prepare_environment
+
+        prepare_environment(is_node=True)
+        keep_memory()
         status = _run(signals, has_life_cycle=has_life_cycle)
-    except MnsfError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(_EXIT_USAGE)
     except ModuleNotFoundError as error:
         sys.stderr.write(f"scene_flow_node: {library_missing(error)}\n")
         sys.exit(_EXIT_USAGE)
@@ -106,14 +106,6 @@ class _EndSignals:
     def _on_signal(self, _number: int, _frame: object) -> None:
         if not self.are_left_to_rclpy:
             os._exit(0)
-
-
-def _prepare_process() -> None:
-    from mnsf_ros.node.environment import keep_memory, prepare_environment, require_ros
-
-    prepare_environment(is_node=True)
-    keep_memory()
-    require_ros()
 
 
 def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:

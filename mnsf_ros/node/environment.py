@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import ctypes
 import faulthandler
-import importlib.util
 import os
 import socket
 import sys
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.core.compute_device import let_threads_sleep
-from mnsf_ros.errors import MnsfError
 
 # Of a lidar driver, and of the node where sockets cannot hold a cloud.
 TRANSPORT_PROFILE: Final = Path(__file__).with_name("fastdds.xml")
@@ -43,23 +41,6 @@ _MALLOC_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", 
 # Returning takes some 10 ms. Without it the heap grows for hours, by the memory that the threads of
 # the node happen to need at the same time.
 RETURN_PERIOD_S: Final = 30.0
-
-
-class NoRosError(MnsfError):
-    """There is no rclpy in this Python."""
-
-
-def require_ros() -> None:
-    """Checks that rclpy can be imported.
-
-    Raises:
-        NoRosError: If not; it says what to do.
-    """
-    if importlib.util.find_spec("rclpy") is None:
-        raise NoRosError(
-            "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install "
-            "its wheels (in the checkout: pip install '.[wheels]')"
-        )
 
 
 def prepare_environment(

@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.flow_estimate import StopReason
-from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule, minimize
+from mnsf_ros.core.optimization import Schedule, minimize
 from mnsf_ros.errors import OptimizationError
 
 GOAL = torch.tensor([1.0, -2.0, 3.0])
@@ -44,15 +44,15 @@ class Course:
         return loss
 
 
-def minimized(schedule, *, keep_best=True, **options):
+def minimized(schedule, **options):
     """Table, course and result of a fit from zero to the goal."""
     table = Table(3)
     course = Course(table, **options)
-    return table, course, minimize(table, course, schedule, keep_best=keep_best)
+    return table, course, minimize(table, course, schedule)
 
 
 def test_same_as_adam_of_pytorch():
-    table, _, _ = minimized(Schedule(20, 0.3, True), keep_best=False)
+    table, _, _ = minimized(Schedule(20, 0.3, True, keep_best=False))
     weights = nn.Parameter(torch.zeros(3))
     adam = torch.optim.Adam([weights])
     for iteration in range(20):
@@ -69,8 +69,7 @@ def test_gradient_in_another_layout_than_its_weights(device):
     minimize(
         table,
         lambda: (table.weights.T.contiguous() - goal.T).square().sum(),
-        Schedule(400, 0.1, True),
-        keep_best=False,
+        Schedule(400, 0.1, True, keep_best=False),
     )
     torch.testing.assert_close(weights_of(table), goal, atol=0.01, rtol=0)
 
@@ -82,7 +81,7 @@ def test_weights_of_the_lowest_loss_are_kept():
     assert 0 < best < 39
     assert torch.equal(weights_of(table), course.weights[best])
     assert result.loss_m == course.losses[best]
-    table, course, result = minimized(Schedule(40, 0.9), keep_best=False)
+    table, course, result = minimized(Schedule(40, 0.9, keep_best=False))
     assert result.loss_m == course.losses[-1]
 
 
@@ -104,13 +103,9 @@ FALLS = [
 @pytest.mark.parametrize("keep_best", [True, False])
 def test_early_stopping(losses, patience, min_delta_m, stop, keep_best):
     table, calls = Table(1), iter(losses)
-    schedule = Schedule(len(losses), 1e-9, patience=patience, min_delta_m=min_delta_m)
-    result = minimize(
-        table,
-        lambda: table.weights.sum() * 0 + next(calls),
-        schedule,
-        keep_best=keep_best,
-    )
+    limits = {"patience": patience, "min_delta_m": min_delta_m, "keep_best": keep_best}
+    schedule = Schedule(len(losses), 1e-9, **limits)
+    result = minimize(table, lambda: table.weights.sum() * 0 + next(calls), schedule)
     assert result.iterations == (stop or len(losses))
     expected = StopReason.CONVERGED if stop else StopReason.ITERATION_LIMIT
     assert result.stop_reason is expected
@@ -120,15 +115,13 @@ def test_part_of_the_loss_decides_when_to_stop():
     table = Table(3)
     course = Course(table)
     schedule = Schedule(400, 0.1, patience=4, min_delta_m=0.01)
-    result = minimize(
-        table, lambda: PartlyJudgedLoss(course(), torch.ones(())), schedule, keep_best=True
-    )
+    result = minimize(table, lambda: (course(), torch.ones(())), schedule)
     assert (result.iterations, result.stop_reason) == (5, StopReason.CONVERGED)
     assert result.loss_m == min(course.losses)
 
 
 def test_no_step_starts_after_the_deadline_but_the_first():
-    table, _, result = minimized(Schedule(100, 0.1, deadline=-math.inf), keep_best=False)
+    table, _, result = minimized(Schedule(100, 0.1, deadline=-math.inf, keep_best=False))
     assert (result.iterations, result.stop_reason) == (1, StopReason.TIME_BUDGET)
     torch.testing.assert_close(weights_of(table), torch.tensor([0.1, -0.1, 0.1]))
 
@@ -144,21 +137,19 @@ def test_returns_to_the_best_weights_when_the_loss_is_not_finite(bad):
 @pytest.mark.parametrize(("first", "keep_best"), [(0, True), (0, False), (3, False)])
 @pytest.mark.parametrize("patience", [0, 5])
 def test_loss_that_is_not_finite_without_better_weights_to_return_to(first, keep_best, patience):
-    schedule, factors = (
-        Schedule(10, 0.1, patience=patience),
-        dict.fromkeys(range(first, 10), math.nan),
-    )
+    schedule = Schedule(10, 0.1, patience=patience, keep_best=keep_best)
+    factors = dict.fromkeys(range(first, 10), math.nan)
     with pytest.raises(OptimizationError, match=r"^the loss became nan, expected a finite number"):
-        minimized(schedule, keep_best=keep_best, factors=factors)
+        minimized(schedule, factors=factors)
 
 
 def test_network_without_weights_is_not_optimized():
     table = nn.Identity()
-    result = minimize(table, lambda: torch.tensor(0.25), Schedule(100, 0.1), keep_best=True)
+    result = minimize(table, lambda: torch.tensor(0.25), Schedule(100, 0.1))
     assert (result.loss_m, result.iterations) == (0.25, 0)
     assert result.stop_reason is StopReason.CONVERGED
     with pytest.raises(OptimizationError, match=r"^the loss became nan, "):
-        minimize(table, lambda: torch.tensor(math.nan), Schedule(100, 0.1), keep_best=True)
+        minimize(table, lambda: torch.tensor(math.nan), Schedule(100, 0.1))
 
 
 def test_decay_is_a_cosine_to_zero():

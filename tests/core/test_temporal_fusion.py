@@ -68,9 +68,7 @@ def test_fusion_is_fitted_where_it_has_weights(device, generator, kind):
     target = TargetDistance.to_points((points + flow).to(device), Settings().distance)
     network = fusion_network(settings_of(kind), generator).to(device)
     points, schedule = points.to(device), Schedule(300, 0.02, True)
-    result = minimize(
-        network, lambda: target.mean(points + network(flows)), schedule, keep_best=True
-    )
+    result = minimize(network, lambda: target.mean(points + network(flows)), schedule)
     fused = network(flows).detach()
     loss_m = target.mean(points + fused).item()
     if kind == "mean":
