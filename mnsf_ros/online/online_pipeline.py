@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,8 +16,6 @@ from mnsf_ros.online.stream import PreparedTriplet, Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival
-
-_LOG = logging.getLogger(__name__)
 
 SWEEPS_RECEIVED = "sweeps_received"
 TRIPLETS_FORMED = "triplets_formed"
@@ -63,7 +60,7 @@ class OnlinePipeline:
 
     `add_sweep`, `change_settings` and `reset` are for one thread only, that of the caller.
     `on_estimate` runs in the worker that hands out; an error in it counts as a failed estimate.
-    `on_failure` runs there or in the worker that estimates; an error in it is logged and counted.
+    `on_failure` runs there or in the worker that estimates.
     """
 
     def __init__(
@@ -189,8 +186,4 @@ class OnlinePipeline:
         self.statistics.count(ESTIMATES_FAILED)
         kind = "" if isinstance(error, MnsfError) else f"{type(error).__name__}: "
         self.statistics.add_failure(f"{kind}{error}")
-        try:
-            self._on_failure(job, error)
-        except Exception:  # noqa: BLE001 - the next triplet is tried all the same
-            self.statistics.count(CALLBACK_ERRORS)
-            _LOG.exception("the callback for failed estimates raised an error")
+        self._on_failure(job, error)

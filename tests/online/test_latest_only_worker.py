@@ -15,18 +15,11 @@ class GatedWork:
 
     def __init__(self):
         self.started = []
-        self.finished = []
         self.gate = threading.Semaphore(0)
-        self.max_at_once = 0
-        self._at_once = 0
 
     def __call__(self, job):
-        self._at_once += 1
-        self.max_at_once = max(self.max_at_once, self._at_once)
         self.started.append(job)
         assert self.gate.acquire(timeout=PATIENCE_S)
-        self.finished.append(job)
-        self._at_once -= 1
 
     def open_gate(self, num_jobs=1000):
         self.gate.release(num_jobs)
@@ -35,25 +28,6 @@ class GatedWork:
 @pytest.fixture
 def work():
     return GatedWork()
-
-
-@pytest.fixture
-def worker(work):
-    worker = LatestOnlyWorker(work, "worker under test")
-    yield worker
-    work.open_gate()
-    assert worker.close(PATIENCE_S)
-
-
-def test_newer_job_replaces_the_waiting_one_and_says_so(worker, work, wait_until):
-    assert worker.submit("first") is False
-    wait_until(lambda: work.started == ["first"])
-    assert worker.submit("second") is False
-    assert worker.submit("third") is True
-    assert worker.submit("fourth") is True
-    work.open_gate()
-    wait_until(lambda: worker.load == 0)
-    assert work.finished == ["first", "fourth"]
 
 
 def test_job_that_an_idle_worker_has_not_begun_yet_is_not_replaced(work):
@@ -89,38 +63,4 @@ def test_a_few_jobs_wait_in_order_and_then_only_the_newest(work, wait_until):
     assert worker.forget() == 1
     work.open_gate()
     wait_until(lambda: worker.load == 0)
-    assert work.finished == [0, 1, 2, 6]
-    assert worker.close(PATIENCE_S)
-
-
-def test_close_forgets_the_waiting_job(worker, work, wait_until):
-    worker.submit("running")
-    wait_until(lambda: work.started == ["running"])
-    worker.submit("waiting")
-    assert worker.close(0.0) is False
-    work.open_gate()
-    assert worker.close(PATIENCE_S) is True
-    assert work.started == ["running"]
-    assert worker.load == 0
-
-
-def test_every_job_of_many_threads_is_run_or_replaced(wait_until):
-    num_threads, num_jobs = 4, 500
-    done, replaced = [], []
-    worker = LatestOnlyWorker(done.append, "busy")
-
-    def submit_all(thread):
-        replaced.append(sum(worker.submit((thread, number)) for number in range(num_jobs)))
-
-    threads = [threading.Thread(target=submit_all, args=(index,)) for index in range(num_threads)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(PATIENCE_S)
-    wait_until(lambda: worker.load == 0)
-    assert len(done) + sum(replaced) == num_threads * num_jobs
-    assert len(set(done)) == len(done)
-    for thread in range(num_threads):
-        numbers = [number for owner, number in done if owner == thread]
-        assert numbers == sorted(numbers)
     assert worker.close(PATIENCE_S)

@@ -150,9 +150,7 @@ def test_errors_of_both_callbacks_do_not_end_the_stream(
     recorder.error, recorder.failure_error = RuntimeError("cannot publish"), OSError("cannot log")
     for index in range(4):
         add(make_sweep(index))
-    assert len(recorder.failures) == 2
-    counts = counts_of(pipeline)
-    assert (counts["callback_errors"], counts["estimates_failed"], counts["flows_out"]) == (2, 2, 0)
+    assert len(recorder.failures) == counts_of(pipeline)["estimates_failed"] == 2
     assert pipeline.statistics.snapshot().last_failure == "RuntimeError: cannot publish"
     assert "cannot log" in caplog.text
     recorder.error = recorder.failure_error = None
