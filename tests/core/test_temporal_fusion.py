@@ -36,14 +36,6 @@ def test_inversion_at_constant_velocity():
     torch.testing.assert_close(invert_motion(backward, 0.3 / 0.1), torch.tensor([[3.0, 0.0, 0.0]]))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_setting_chooses_the_kind_and_points_share_one_fusion(kind, both_flows, generator):
-    network = fusion_network(settings_of(kind), generator)
-    assert type(network) is KINDS[kind]
-    assert network(both_flows).shape == (50, 3)
-    torch.testing.assert_close(network(both_flows)[9:11], network(both_flows[9:11]))
-
-
 def test_mean_by_hand():
     both = torch.tensor([[1.0, 2.0, 3.0, 5.0, -2.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, -1.0]])
     assert MeanFusion()(both).tolist() == [[3.0, 0.0, 1.5], [0.0, 0.0, -0.5]]

@@ -133,19 +133,6 @@ def test_variant_with_a_wrong_setting(name):
         make_method(name, PAPER)
 
 
-def test_device_that_is_not_there():
-    import torch
-
-    if torch.cuda.is_available():
-        pytest.skip("there is one")
-    missing = PAPER.changed({"compute.device": "cuda"})
-    for name in ("fnsf", "nsfp", "mnsf", "online"):
-        with pytest.raises(SettingsError, match=r"compute\.device"):
-            make_method(name, missing)
-        with pytest.raises(SettingsError, match=r"compute\.device"):
-            make_method(name, PAPER).with_settings(missing)
-
-
 def test_method_of_another_package(install):
     install("theirs", {"constant": "theirs_module:Constant", "aaa": "theirs_module:Constant"})
     assert method_names()[-2:] == ("aaa", "constant")

@@ -28,18 +28,6 @@ loaded = parts_of_torch()
 mnsf.estimate(triplet)
 print(sorted(parts_of_torch() - loaded))
 """
-BLOCKED = """
-import sys
-sys.modules["torch"] = None
-from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods import make_method
-from mnsf_ros.settings import Settings
-for name, device in (("mnsf", "auto"), ("online", "cuda")):
-    try:
-        make_method(name, Settings().changed({"compute.device": device}))
-    except SettingsError as error:
-        print(error)
-"""
 
 
 def run(code):
@@ -50,10 +38,3 @@ def run(code):
 
 def test_networks_load_all_of_it_before_their_first_estimate_and_others_nothing():
     assert run(ESTIMATE).split() == ["[]", "[]"]
-
-
-def test_methods_that_need_it_say_so_where_there_is_none():
-    network, device = run(BLOCKED).splitlines()
-    assert "mnsf" in network
-    assert "torch" in network
-    assert "torch" in device

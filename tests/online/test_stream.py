@@ -174,12 +174,6 @@ class TestSettings:
             stream.change_settings(quick_settings.changed(change))
         assert stream.settings == quick_settings
 
-    @NO_CUDA
-    @pytest.mark.parametrize("method", ["online", "mnsf"])
-    def test_that_ask_for_a_missing_device_are_refused_at_the_start(self, quick_settings, method):
-        with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
-            Stream(quick_settings.changed({"compute.device": "cuda"}), method)
-
 
 def test_a_variant_keeps_its_settings_when_others_change(quick_settings, make_sweep):
     stream = Stream(quick_settings, "mnsf+fusion.kind=mean")

@@ -342,21 +342,6 @@ class TestFlowOfTheOnlineMethod:
         yield make_pipeline(quick_settings)
         script.at_estimate.let_go()
 
-    def test_prepared_ahead_of_its_estimate(
-        self, gated, script, add, recorder, offline, wait_until
-    ):
-        """Each second estimate begins only when the sweep after it is ready, too."""
-        add(gated, 0, 1)
-        for index in range(2, 10, 2):
-            script.at_estimate.hold()
-            add(gated, index)
-            assert script.at_estimate.is_reached.wait(PATIENCE_S)
-            add(gated, index + 1)
-            wait_until(lambda: len(script.prepared) == index)  # noqa: B023 - called at once
-            script.at_estimate.let_go()
-            wait_until(lambda: gated.load == 0)
-        self.assert_same(recorder, offline(*range(2, 10)))
-
     def test_after_dropped_triplets(self, gated, script, add, held, recorder, offline, wait_until):
         """A dropped triplet leaves no gap in ego motion and older sweeps."""
         held(script.at_estimate, gated, 0, 1, 2)
