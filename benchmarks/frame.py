@@ -98,17 +98,15 @@ def make_parser(text: str | None, *, has_document: bool = True) -> argparse.Argu
     return parser
 
 
-def publish(
-    section: str, tables: Iterable[Table], document: Path | None, machine: str = ""
-) -> None:
+def publish(section: str, tables: Iterable[Table], document: Path | None) -> None:
     """Prints tables as they get ready, then writes those that are no details into a document."""
-    texts = [f"{machine or this_machine()}.\n"]
+    texts = []
     for table in tables:
         show(table.markdown())
         if not table.is_detail:
             texts.append(table.markdown())
     if document:
-        replace_section(document, section, "\n".join(texts))
+        replace_section(document, section, f"{this_machine()}. " + "\n".join(texts))
 
 
 def show(text: str) -> None:

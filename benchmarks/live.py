@@ -123,7 +123,6 @@ def _runs(recorded_s: int, street_s: int) -> Iterator[tuple[str, Played]]:
         yield _NEURAL + _KITTI + _LOADED, loaded
     street = [item.sweep for item in simulated_drive(0, 10 * street_s)]
     yield _STREET, _play(street, street_s)
-    yield _STREET + _LOADED, _play(street, street_s, num_busy=num_busy)
     fast = simulated_drive(0, 20 * street_s, rate_hz=20)
     yield _STREET + ", 20 Hz", _play((item.sweep for item in fast), street_s, rate_hz=20)
     dense = simulated_drive(0, 10 * street_s, num_beams=128, num_columns=1760)

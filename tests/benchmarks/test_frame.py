@@ -44,8 +44,10 @@ def test_results_replace_the_section_of_a_document(load, tmp_path, capsys):
     document.write_text("before\n<!-- begin x -->\nold\n<!-- end x -->\nafter\n")
     shown = frame.Table("Errors", ["", "EPE (m)"], [["online", "0.018"]])
     detail = frame.Table("Details", ["", "EPE (m)"], [["street", "0.009"]], is_detail=True)
-    frame.publish("x", [shown, detail], document, "a machine")
-    text = "a machine.\n\nErrors\n\n|  | EPE (m) |\n| :--- | ---: |\n| online | 0.018 |\n"
+    frame.publish("x", [shown, detail], document)
+    text = (
+        f"{frame.this_machine()}. Errors\n\n|  | EPE (m) |\n| :--- | ---: |\n| online | 0.018 |\n"
+    )
     expected = f"before\n<!-- begin x -->\n{text}<!-- end x -->\nafter\n"
     assert document.read_text() == expected
     assert "street" in capsys.readouterr().out
