@@ -17,7 +17,7 @@ from typing import Final
 from mnsf_ros import __version__
 from mnsf_ros.cli.arguments import Arguments, Parser
 from mnsf_ros.cli.console import complain, show_warnings
-from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
+from mnsf_ros.cli.memory import add_max_memory, limited_memory
 from mnsf_ros.core.compute_device import let_threads_sleep
 from mnsf_ros.errors import MnsfError
 
@@ -81,30 +81,23 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Runs a subcommand and returns the exit status."""
+    hint = ""
     try:
         options = _parsed(sys.argv[1:] if arguments is None else arguments)
-        with limited_memory(getattr(options, "max_memory", math.inf)):
-            return _run(options)
-    except (MnsfError, OSError) as error:
-        complain(error)
-        return EXIT_USAGE
+        with limited_memory(getattr(options, "max_memory", math.inf)) as hint:
+            return options.run(options) or 0
     except (Exception, KeyboardInterrupt) as error:
         # A library that a signal meets in its start makes it an error.
-        if not _is_caused_by(error, KeyboardInterrupt):
+        if _is_caused_by(error, KeyboardInterrupt):
+            complain("interrupted")
+            return EXIT_INTERRUPTED
+        if _is_caused_by(error, MemoryError):
+            complain(f"{str(error) or 'out of memory'}; {hint}")
+            return EXIT_MEMORY
+        if not isinstance(error, (MnsfError, OSError)):
             raise
-        complain("interrupted")
-        return EXIT_INTERRUPTED
-
-
-def _run(options: argparse.Namespace) -> int:
-    try:
-        status: int | None = options.run(options)
-    except (MnsfError, MemoryError) as error:
-        if not _is_caused_by(error, MemoryError):
-            raise
-        complain(f"{str(error) or 'out of memory'}; {memory_hint()}")
-        return EXIT_MEMORY
-    return status or 0
+        complain(error)
+        return EXIT_USAGE
 
 
 def _is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:

@@ -36,11 +36,14 @@ def add_max_memory(arguments: Arguments) -> None:
 
 
 @contextmanager
-def limited_memory(max_gb: float | None) -> Iterator[None]:
+def limited_memory(max_gb: float | None) -> Iterator[str]:
     """Limits this process, and each that it starts, to `max_gb`; None: half of the machine's.
 
     The limit counts what is allocated and what is reserved, for example for stacks of threads, but
     neither files mapped to memory nor the memory of a GPU.
+
+    Yields:
+        For the user, the limit and the option that changes it.
     """
     before, most = resource.getrlimit(resource.RLIMIT_DATA)
     num_bytes = machine_bytes() / 2 if max_gb is None else max_gb * _GB
@@ -48,8 +51,9 @@ def limited_memory(max_gb: float | None) -> Iterator[None]:
     if most != resource.RLIM_INFINITY:
         limit = min(limit, most)
     resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
+    limited = "exhausted" if limit == resource.RLIM_INFINITY else f"limited to {limit / _GB:.1f} GB"
     try:
-        yield
+        yield f"memory is {limited} (--max-memory)"
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (before, most))
 
@@ -61,13 +65,6 @@ def machine_bytes() -> int:
         with suppress(OSError, ValueError):
             limits.append(int(file.read_text()))
     return min(limits)
-
-
-def memory_hint() -> str:
-    """Returns the limit in force, and the option that changes it."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_DATA)
-    limited = "" if limit == resource.RLIM_INFINITY else f"limited to {limit / _GB:.1f} GB "
-    return f"memory is {limited or 'exhausted '}(--max-memory)"
 
 
 def _gigabytes(text: str) -> float:
