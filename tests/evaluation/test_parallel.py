@@ -114,7 +114,6 @@ def is_running(pid):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"num_workers": 0}, "workers: got 0, expected 1 or more"),
         ({"num_gpus": -1}, "num_gpus: got -1"),
         ({"num_workers": 2, "ray_address": "local"}, "--workers cannot be combined with --ray"),
     ],

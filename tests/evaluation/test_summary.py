@@ -68,19 +68,6 @@ def test_starts_and_time_budgets_are_counted():
     assert summarize(rows)[["num_warm", "num_out_of_time"]].to_numpy().tolist() == [[2, 1]]
 
 
-def test_argoverse_values_are_over_all_points():
-    rows = [
-        row(1, 0.1, sums={"foreground dynamic": [1.0, 0.9, 0.0], "CAR/2": [1.0, 0.09, 0.1]}),
-        row(2, 0.1, sums={"foreground dynamic": [9.0, 0.9, 0.0], "CAR/2": [9.0, 0.09, 0.9]}),
-    ]
-    summary = summarize(rows).loc["mnsf"]
-    assert summary["three_way.foreground dynamic"] == pytest.approx(0.18)
-    assert summary["bucketed.CAR.dynamic"] == pytest.approx(0.18)
-    assert summary["bucketed.mean.dynamic"] == pytest.approx(0.18)
-    # Without points of all three groups there is no mean of them.
-    assert math.isnan(summary["three_way.mean"])
-
-
 def test_bands_are_in_order():
     bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
     bins, work = further_tables(summarize([row(1, 0.1, **bands)]))
