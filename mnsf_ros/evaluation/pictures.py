@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -25,7 +24,6 @@ from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 ANIMATION: Final = "animation.webp"
-_FOLDER: Final = "pictures"
 # Frames of the animation: some seconds at most, which a page can hold.
 _NUM_FRAMES: Final = 20
 # Slower points are grey, as what networks leave of the static world.
@@ -34,24 +32,25 @@ _SLOW_M_S: Final = 0.5
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a task.
+    """A picture of a task: its file in the folder of the run, see `picture_file`, and content."""
 
-    Attributes:
-        recording: Name of the recording.
-        method: Name of the method.
-        name: `ANIMATION`, or `worst_name` of a sweep.
-        image: The file.
-    """
-
-    recording: str
-    method: str
-    name: str
+    file: str
     image: bytes
 
 
 def worst_name(number: int) -> str:
-    """Returns the file name of the picture of a sweep by its number."""
+    """Returns the name of the picture of a sweep by its number."""
     return f"sweep_{number}.png"
+
+
+def picture_file(recording: str, method: str, name: str) -> str:
+    """Returns the path of a picture, `ANIMATION` or `worst_name`, in the folder of a run."""
+    # In a folder that any file system and locale can have, and no other task has.
+    plain = f"{recording}.{method}"
+    safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
+    if safe != plain:
+        safe = f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
+    return f"pictures/{safe}/{name}"
 
 
 class Painter:
@@ -89,7 +88,7 @@ class Painter:
             images[worst_name(example.number)] = _drawn(draw)
         for name, image in images.items():
             if image is not None:
-                yield Picture(recording, method, name, image)
+                yield Picture(picture_file(recording, method, name), image)
 
 
 def _drawn(draw: Callable[[], bytes]) -> bytes | None:
@@ -122,26 +121,3 @@ def _without_slow(velocity: NDArray[np.float32]) -> NDArray[np.float32]:
         speeds_m_s[:, None] >= _SLOW_M_S, velocity, np.float32(0.0)
     )
     return moving
-
-
-def save_picture(run_folder: Path, picture: Picture) -> None:
-    """Writes a picture into the folder of its task.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    file = picture_file(run_folder, picture.recording, picture.method, picture.name)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    draft = file.with_name(".new")
-    draft.write_bytes(picture.image)
-    draft.replace(file)
-
-
-def picture_file(run_folder: Path, recording: str, method: str, name: str) -> Path:
-    """Returns the file of a picture, which need not be there."""
-    # In a folder that any file system and locale can have, and no other task has.
-    plain = f"{recording}.{method}"
-    safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
-    if safe != plain:
-        safe = f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
-    return run_folder / _FOLDER / safe / name

@@ -15,7 +15,7 @@ import json
 import math
 import os
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
@@ -26,7 +26,7 @@ import cattrs
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
-from mnsf_ros.evaluation.pictures import Picture, save_picture
+from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.task import FinishedTask, TaskEvent
@@ -83,9 +83,10 @@ class RunFolder:
         rows = [row for row in rows if row.task not in again]
         if self.has_results:
             # Without the line that was being written when a process was killed.
-            replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
-            replace_file(self._tasks, (f"{to_json(task)}\n" for task in finished.values()))
-        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
+            replace_file(self._rows, "".join(f"{to_json(row)}\n" for row in rows))
+            lines = (f"{to_json(task)}\n" for task in finished.values())
+            replace_file(self._tasks, "".join(lines))
+        replace_file(self.path / RUN_FILE, f"{to_json(whole, indent=2)}\n")
         known: dict[TaskKey, set[int]] = defaultdict(set)
         for row in rows:
             known[row.task].add(row.number)
@@ -98,8 +99,10 @@ class RunFolder:
         elif isinstance(event, FinishedTask) and event.failure is None:
             _append_line(self._tasks, event)
         elif isinstance(event, Picture):
-            with _writing(self.path):
-                save_picture(self.path, event)
+            file = self.path / event.file
+            with _writing(file):
+                file.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(file, event.image)
 
     @property
     def has_results(self) -> bool:
@@ -136,17 +139,19 @@ def check_folder(out: Path, *, resume: bool) -> None:
         raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
 
 
-def replace_file(file: Path, parts: Iterable[str]) -> None:
+def replace_file(file: Path, content: str | bytes) -> None:
     """Writes a file so that it is there as a whole, the old or the new one, at any time.
 
     Raises:
         StoppedError: That fails; the old file is still there.
     """
+    if isinstance(content, str):
+        content = content.encode("utf-8", "backslashreplace")
     draft = file.with_name(f".{file.name}.new")
     with _writing(file):
         try:
-            with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:
-                stream.writelines(parts)
+            with draft.open("wb") as stream:
+                stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
             draft.replace(file)

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -93,31 +91,22 @@ def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) 
     Raises:
         EvaluationError: The method gives no reasons.
     """
-    reason, truth = reason_for(estimate, rows), _truth_at(example, rows)
+    reason, (motion, share, truth) = reason_for(estimate, rows), _truth_at(example, rows)
     triplet, known = example.triplet, estimate.over_ground
     terms = reason_terms(triplet.current.xyz, estimate, rows, triplet.interval_s)
     stage = _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
     is_missed = known is not None and 2 * np.count_nonzero(known.dynamic[rows]) < len(rows)
-    if is_missed and truth is not None and truth.share > _MOVES:
-        stage = lost_by(reason, truth.motion).value
+    if is_missed and share > _MOVES:
+        stage = lost_by(reason, motion).value
     lines = [f"{term}: {text}" for term, text in terms.items()]
-    told = [] if truth is None else _truth_lines(reason, truth)
-    return [*lines[:3], f"Decided by the stage: {stage}", *lines[3:], *told]
-
-
-@dataclass(frozen=True)
-class _Truth:
-    """True motion at a place.
-
-    Attributes:
-        motion: (3,) metres over ground until the next sweep.
-        share: Share of the points that are dynamic.
-        speed_m_s: Mean speed.
-    """
-
-    motion: NDArray[np.float64]
-    share: float
-    speed_m_s: float
+    lines.insert(3, f"Decided by the stage: {stage}")
+    guesses = {"motion found": reason.motion, "start of the search": reason.start}
+    off = [
+        f"The {words} is off by {float(np.linalg.norm(guess - motion)):.2f} m"
+        for words, guess in guesses.items()
+        if guess is not None
+    ]
+    return [*lines, truth, *off] if truth else lines
 
 
 def _estimated(
@@ -147,25 +136,22 @@ def _estimated(
     )
 
 
-def _truth_at(example: Example, rows: NDArray[np.int64]) -> _Truth | None:
+def _truth_at(example: Example, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], float, str]:
+    """Mean true motion (3,) over ground, metres, share of dynamic points, and both as a line.
+
+    The line is empty where they are not known.
+    """
     truth = example.truth
     if truth is None or not truth.valid[rows].any():
-        return None
+        return np.zeros(3), 0.0, ""
     # The sensor's own motion shows in all points of the sweep.
     every = np.flatnonzero(truth.valid)
     known, own_m = true_motion(example, truth, every)
-    own = np.isin(every, rows)
-    motion = known.velocity[own].mean(axis=0) * known.interval_s
+    own = np.flatnonzero(np.isin(every, rows))
+    motion, share = known.mean_motion(own), float(known.dynamic[own].mean())
     speed_m_s = float(own_m[own].mean()) / known.interval_s
-    return _Truth(motion, float(known.dynamic[own].mean()), speed_m_s)
-
-
-def _truth_lines(reason: Reason, truth: _Truth) -> Iterator[str]:
-    yield (
-        f"Truth: {truth.share:.0%} of the points dynamic, {vector_text(truth.motion)} m to the "
-        f"next sweep, {truth.speed_m_s:.1f} m/s"
+    line = (
+        f"Truth: {share:.0%} of the points dynamic, {vector_text(motion)} m to the next sweep, "
+        f"{speed_m_s:.1f} m/s"
     )
-    for words, guess in (("motion found", reason.motion), ("start of the search", reason.start)):
-        if guess is not None:
-            off_m = float(np.linalg.norm(guess - truth.motion))
-            yield f"The {words} is off by {off_m:.2f} m"
+    return motion, share, line

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -17,7 +17,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import missed_table, worst_table
-from mnsf_ros.report.text_table import format_number
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 REPORT_FILE: Final = "report.html"
@@ -41,6 +40,14 @@ def write_report(folder: RunFolder, results: RunResults) -> Path:
     Raises:
         StoppedError: Writing fails.
     """
+    recordings = {one.name: one for one in results.record.recordings}
+    first = (
+        (one, ANIMATION, f"{name}, the first scored sweeps") for name, one in recordings.items()
+    )
+    worst = (
+        (recordings[row.recording], worst_name(row.number), _worst_text(row))
+        for row in results.worst["row"]
+    )
     tables = (
         worst_table(results.worst, results.focus),
         missed_table(results.table["row"], results.focus),
@@ -48,61 +55,36 @@ def write_report(folder: RunFolder, results: RunResults) -> Path:
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         results=results,
-        animation=_animation(results, folder.path),
+        animation=next(_images(folder.path, results.focus, first), None),
         worst_tables=[table for table in tables if table.rows],
-        pictures=list(_worst(results, folder.path)),
+        pictures=list(_images(folder.path, results.focus, worst)),
     )
     path = folder.path / REPORT_FILE
-    replace_file(path, [f"{page}\n"])
+    replace_file(path, f"{page}\n")
     return path
 
 
 class Image(NamedTuple):
-    """An image of the page: a data URI, a text for those who do not see it, a caption."""
+    """An image of the page: a data URI, and a caption."""
 
     uri: str
-    alt: str
     caption: str
 
 
-def _animation(results: RunResults, folder: Path) -> Image | None:
-    """The first sweeps of a recording by one method, of the first that has an animation."""
-    for recording in results.record.recordings:
-        caption = f"{recording.name}, the first scored sweeps. {_places(recording, results.focus)}"
-        where = (recording.name, results.focus, ANIMATION)
-        if image := _image(folder, *where, f"Animation of what moves in {caption}", caption):
-            return image
-    return None
+def _images(
+    folder: Path, method: str, wanted: Iterable[tuple[EvaluatedRecording, str, str]]
+) -> Iterator[Image]:
+    """Those images that are there, of recordings, names and beginnings of captions."""
+    for recording, name, text in wanted:
+        file = folder / picture_file(recording.name, method, name)
+        if file.is_file():
+            content = base64.b64encode(file.read_bytes()).decode("ascii")
+            places = f"Left: truth. Right: {method}." if recording.truth else f"{method}."
+            yield Image(f"data:image/{file.suffix[1:]};base64,{content}", f"{text}. {places}")
 
 
-def _worst(results: RunResults, folder: Path) -> Iterator[Image]:
-    recordings = {one.name: one for one in results.record.recordings}
-    for row in results.worst["row"]:
-        where = f"{row.recording}, sweep {row.number}, {row.stamp_ns / NANOSECONDS:.3f} s"
-        places = _places(recordings[row.recording], row.method)
-        caption = f"{where}: {_figure(row)}. {places}"
-        name = worst_name(row.number)
-        alt = f"What moves in {caption}"
-        if image := _image(folder, row.recording, row.method, name, alt, caption):
-            yield image
-
-
-def _image(
-    folder: Path, recording: str, method: str, name: str, alt: str, caption: str
-) -> Image | None:
-    """The image of a picture that is there."""
-    file = picture_file(folder, recording, method, name)
-    if not file.is_file():
-        return None
-    content = base64.b64encode(file.read_bytes()).decode("ascii")
-    return Image(f"data:image/{file.suffix[1:]};base64,{content}", alt, caption)
-
-
-def _places(recording: EvaluatedRecording, method: str) -> str:
-    return f"Left: truth. Right: {method}." if recording.truth else f"{method}."
-
-
-def _figure(row: ResultRow) -> str:
+def _worst_text(row: ResultRow) -> str:
+    where = f"{row.recording}, sweep {row.number}, {row.stamp_ns / NANOSECONDS:.3f} s"
     if "all" in row.errors and row.errors["all"].num_points:
-        return f"EPE {row.badness_m:.3f} m"
-    return f"{format_number(row.badness_m, 3)} m from the moved points to the next sweep"
+        return f"{where}: EPE {row.badness_m:.3f} m"
+    return f"{where}: {row.badness_m:.3f} m from the moved points to the next sweep"

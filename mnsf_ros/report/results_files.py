@@ -62,9 +62,9 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     Raises:
         StoppedError: Writing fails; files that are not written yet are those of before.
     """
-    replace_file(folder.path / "results.md", [results_markdown(results)])
-    replace_file(folder.path / "results.csv", [results_csv(results)])
-    replace_file(folder.path / "results.tex", [_results_latex(results)])
+    replace_file(folder.path / "results.md", results_markdown(results))
+    replace_file(folder.path / "results.csv", results_csv(results))
+    replace_file(folder.path / "results.tex", _results_latex(results))
 
 
 def results_markdown(results: RunResults) -> str:

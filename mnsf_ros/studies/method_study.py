@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import count
 from typing import Final
 
@@ -35,21 +35,10 @@ _FIGURES: Final = (
 )
 
 
-@dataclass(frozen=True)
-class _MethodStudy:
-    """A table of the paper.
-
-    Attributes:
-        title: Title of the table.
-        variants: Name of a row to its method.
-    """
-
-    title: str
-    variants: dict[str, str]
-
-
-_STUDIES: Final = {
-    "ablation": _MethodStudy(
+# Title of the table, and name of each row to its method.
+_Study = tuple[str, dict[str, str]]
+_STUDIES: Final[dict[str, _Study]] = {
+    "ablation": (
         "Ablation: contribution of each part of the method",
         {
             "FNSF": "fnsf",
@@ -59,7 +48,7 @@ _STUDIES: Final = {
             "(d) MNSF": "mnsf",
         },
     ),
-    "fusion": _MethodStudy(
+    "fusion": (
         "Fusion operation",
         {
             "FNSF": "fnsf",
@@ -68,11 +57,11 @@ _STUDIES: Final = {
             "MLP": "mnsf+fusion.kind=mlp",
         },
     ),
-    "depth": _MethodStudy(
+    "depth": (
         "Depth of the fusion network",
         {f"{depth} layers": f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 3, 5, 7)},
     ),
-    "frames": _MethodStudy(
+    "frames": (
         "Number of sweeps",
         {
             "2 sweeps": "mnsf-no-backward",
@@ -91,8 +80,9 @@ def run(name: str, options: StudyOptions) -> StudyResult:
         MnsfError: A recording or a setting cannot be used, or no example can be scored.
         OSError: Writing fails.
     """
-    study, evaluation = _STUDIES[name], replace(options.evaluation, pictures=_NUM_PICTURES)
-    methods = evaluated_methods(study.variants.values(), evaluation)
+    _, variants = _STUDIES[name]
+    evaluation = replace(options.evaluation, pictures=_NUM_PICTURES)
+    methods = evaluated_methods(variants.values(), evaluation)
     evaluation = evaluation.for_methods(methods, pairs=False)
     recordings = chosen_recordings(options.recordings)
     if not any(recording.truth for recording in recordings):
@@ -110,7 +100,7 @@ def run(name: str, options: StudyOptions) -> StudyResult:
         why = f": {results.notes[0].text}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
     notes = [f"Note: {note.text}" for note in results.notes]
-    return _result(study, results.summary, [*results.protocol, *notes], evaluation)
+    return _result(_STUDIES[name], results.summary, [*results.protocol, *notes], evaluation)
 
 
 def _said(row: ResultRow) -> str:
@@ -119,16 +109,17 @@ def _said(row: ResultRow) -> str:
 
 
 def _result(
-    study: _MethodStudy, summary: pd.DataFrame, texts: Sequence[str], evaluation: EvaluationOptions
+    study: _Study, summary: pd.DataFrame, texts: Sequence[str], evaluation: EvaluationOptions
 ) -> StudyResult:
-    known = {name: m for name, m in study.variants.items() if m in summary.index}
+    study_title, variants = study
+    known = {name: m for name, m in variants.items() if m in summary.index}
     named = summary.loc[list(known.values())].set_axis(list(known))
     errors = {group: errors_in(named, group).reindex(columns=_ERRORS) for group in _GROUPS}
     errors = {group: table for group, table in errors.items() if table["num_points"].any()}
     tables, numbers = [], []
     for group, table in errors.items():
         times = named[["time_ms"] if group == "all" else []]
-        title = f"{study.title}, {_GROUPS[group]}"
+        title = f"{study_title}, {_GROUPS[group]}"
         tables.append(errors_table(table.join(times), title, "variant"))
         numbers.append(table.astype({"num_points": int}).join(named["time_ms"]))
         numbers[-1].insert(0, "points", group)
@@ -139,6 +130,6 @@ def _result(
         ).reindex(named.index)
         for title, figure, factor in _FIGURES
     }
-    picture = grouped_bars(study.title, panels)
+    picture = grouped_bars(study_title, panels)
     rows = pd.concat(numbers).rename_axis("variant").reset_index()
-    return StudyResult(study.title, texts, tables, rows, picture, evaluation)
+    return StudyResult(study_title, texts, tables, rows, picture, evaluation)

@@ -210,8 +210,8 @@ def test_damaged_file_is_named(tmp_path, recording, name, text):
 
 def test_file_that_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
     file = tmp_path / "file"
-    replace_file(file, ["old"])
+    replace_file(file, "old")
     (tmp_path / ".file.new").mkdir()
     with pytest.raises(StoppedError, match="file: cannot be written: Is a directory"):
-        replace_file(file, ["new"])
+        replace_file(file, "new")
     assert file.read_text() == "old"

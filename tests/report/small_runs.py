@@ -8,7 +8,7 @@ import numpy as np
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
-from mnsf_ros.evaluation.pictures import Picture, save_picture, worst_name
+from mnsf_ros.evaluation.pictures import Picture, picture_file, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -91,11 +91,11 @@ def run_record(methods=METHODS, truth="/truth/flow", **values):
 
 def kept(number=3, *, methods=METHODS[:2]):
     """Pictures as a run keeps them for its report."""
-    return [Picture("street", one, worst_name(number), b"PNG") for one in methods]
+    return [Picture(picture_file("street", one, worst_name(number)), b"PNG") for one in methods]
 
 
 def write_run_report(path, results, pictures=()):
     folder = RunFolder(path)
     for picture in pictures:
-        save_picture(path, picture)
+        folder.take(picture)
     return write_report(folder, results)
