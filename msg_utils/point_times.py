@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,10 @@ from msg_utils.cloud_layout import PointCloudLike
 from msg_utils.errors import describe
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import NANOSECONDS_PER_SECOND
+
+# Any object with `field` (a name; `none`: no times), `unit` (`s`, `ms`, `us` or `ns`) and `stamp`:
+# whether the cloud's stamp is the time of the first point (`start`) or of the last one (`end`).
+TimeRuleLike: TypeAlias = Any
 
 AUTO: Final = "auto"
 NO_FIELD: Final = "none"
@@ -26,22 +30,6 @@ _LONGEST_S: Final = 2.0
 _MIN_BYTES: Final = 4
 # Units of the rule `auto`, by the kind of the numbers.
 _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "ns")}
-
-
-@dataclass(frozen=True)
-class TimeRule:
-    """Settings of reading times; `auto` decides by type, name and values of the fields.
-
-    Attributes:
-        field: Name of the field; `none`: no times.
-        unit: `s`, `ms`, `us` or `ns`.
-        stamp: Meaning of the cloud's stamp: time of the first point (`start`) or of the last one
-            (`end`).
-    """
-
-    field: str = AUTO
-    unit: str = AUTO
-    stamp: str = AUTO
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +56,12 @@ def decode_times(
     cloud: PointCloudLike,
     wanted: npt.NDArray[np.bool_],
     stamp_ns: int,
-    rule: TimeRule = TimeRule(),
+    rule: TimeRuleLike,
 ) -> PointTimes:
     """Reads the times of the wanted points (height * width,) of a cloud of this stamp.
 
-    Unfit times are a fault of the result, not an error.
+    Unfit times are a fault of the result, not an error. `auto` of the rule is decided by type, name
+    and values of the fields.
 
     Raises:
         MessageError: The cloud cannot be decoded.
@@ -99,7 +88,7 @@ def _times_of(
     column: npt.NDArray[Any],
     wanted: npt.NDArray[np.bool_],
     stamp_ns: int,
-    rule: TimeRule,
+    rule: TimeRuleLike,
 ) -> PointTimes:
     scalar = column.dtype
     if column.ndim > 1:
@@ -135,7 +124,7 @@ def _unit(first: float, last: float, kind: str) -> str:
     raise _UnfitError(f"values from {first:g} to {last:g} span no sweep in any of {units}")
 
 
-def _zero(first: float, last: float, stamp: float, rule: TimeRule) -> tuple[float, str]:
+def _zero(first: float, last: float, stamp: float, rule: TimeRuleLike) -> tuple[float, str]:
     """Returns the value at the time of the stamp, and the meaning of the values."""
     if rule.stamp == "start":
         return first, "stamp at the start"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.geometry.rigid_motion import residual_flow, rigid_flow
-from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass
 from mnsf_ros.sweeps.sweep import Sweep
 
 
@@ -65,12 +65,21 @@ class ExportedSweep:
         return moves
 
     @property
-    def track_ids(self) -> NDArray[np.int32]:
-        """(N,) number of the tracked object of each point, 0 for none."""
+    def as_truth(self) -> FlowTruth:
+        """The estimate in the form of truth: dynamic points are cars, tracked objects known."""
         known = None if self.estimate is None else self.estimate.over_ground
-        if known is None or known.track_ids is None:
-            return np.zeros(len(self.sweep), dtype=np.int32)
-        return known.track_ids
+        track_ids = None if known is None else known.track_ids
+        if track_ids is None:
+            track_ids = np.zeros(len(self.sweep), dtype=np.int32)
+        return FlowTruth(
+            stamp_ns=self.sweep.stamp_ns,
+            flow=self.flow,
+            valid=self.is_estimated,
+            dynamic=self.dynamic,
+            ground=self.ground,
+            class_id=np.where(self.dynamic, SurfaceClass.CAR, 0).astype(np.uint8),
+            object_id=track_ids.astype(np.uint32),
+        )
 
     @property
     def _motion(self) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import array_of, group_of, h5_file, nanoseconds, sweep_keys
 from mnsf_ros.datasets.surface_classes import argoverse2_numbers
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
+from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps_io.files import new_file, reading
 
 # Data sets of a sweep that are no estimate.
@@ -65,14 +65,10 @@ class OpenSceneFlowWriter:
             group, arrays = self._known_group(sweep), {}
         if sweep.next_from_current is not None:
             arrays[self._key] = sweep.in_rows(sweep.flow)
-            known = {"ego_motion": sweep.next_from_current.astype(np.float32)}
-            if self._labels:
-                arrays |= known | _labels(sweep) | self._of_objects(sweep, sweep.track_ids)
-            elif self._is_new and (truth := sweep.truth) is not None:
-                arrays |= known | _truth(sweep, truth)
-                unknown = np.zeros(len(truth), np.uint32)
-                objects = unknown if truth.object_id is None else truth.object_id
-                arrays |= self._of_objects(sweep, objects)
+            truth = sweep.as_truth if self._labels else sweep.truth if self._is_new else None
+            if truth is not None:
+                arrays["ego_motion"] = sweep.next_from_current.astype(np.float32)
+                arrays |= self._labels_of(sweep, truth)
         for name, values in arrays.items():
             if name in group:
                 if not self._overwrite:
@@ -83,11 +79,21 @@ class OpenSceneFlowWriter:
                 del group[name]
             group.create_dataset(name, data=values)
 
-    def _of_objects(self, sweep: ExportedSweep, objects: NDArray[np.integer[Any]]) -> _Arrays:
+    def _labels_of(self, sweep: ExportedSweep, truth: FlowTruth) -> _Arrays:
+        objects = np.zeros(len(truth), int) if truth.object_id is None else truth.object_id
         known, places = np.unique(np.append(objects, 0), return_inverse=True)
         numbers = [self._instances.setdefault(one, len(self._instances)) for one in known.tolist()]
-        instances = np.array(numbers).astype(np.int16)[places[:-1]]
-        return {"flow_instance_id": sweep.in_rows(instances)}
+        columns = {
+            "flow": np.where(truth.valid[:, None], truth.flow, np.float32(0.0)),
+            "flow_is_valid": truth.valid,
+            "flow_category_indices": argoverse2_numbers(truth.class_id),
+            "flow_instance_id": np.array(numbers).astype(np.int16)[places[:-1]],
+        }
+        if self._labels:
+            # Of SeFlow; clusters are numbered from 1 in each sweep.
+            columns["dufo"] = truth.dynamic.astype(np.uint8)
+            columns["dufocluster"] = places[:-1].astype(np.int16)
+        return {name: sweep.in_rows(column) for name, column in columns.items()}
 
     def _known_group(self, sweep: ExportedSweep) -> Any:  # noqa: ANN401 - h5py.Group
         own, cloud = sweep.sweep, sweep.sweep.source
@@ -145,27 +151,6 @@ def _sweep_arrays(sweep: ExportedSweep) -> _Arrays:
         "lidar": sweep.in_rows(sweep.sweep.xyz),
         "ground_mask": sweep.in_rows(sweep.ground),
         "pose": sweep.pose.astype(np.float32),
-    }
-
-
-def _truth(sweep: ExportedSweep, truth: FlowTruth) -> _Arrays:
-    return {
-        "flow": sweep.in_rows(np.where(truth.valid[:, None], truth.flow, np.float32(0.0))),
-        "flow_is_valid": sweep.in_rows(truth.valid),
-        "flow_category_indices": sweep.in_rows(argoverse2_numbers(truth.class_id)),
-    }
-
-
-def _labels(sweep: ExportedSweep) -> _Arrays:
-    kinds = np.where(sweep.dynamic, SurfaceClass.CAR, 0).astype(np.uint8)
-    # Clusters are numbered from 1 in each sweep.
-    _, clusters = np.unique(np.append(sweep.track_ids, 0), return_inverse=True)
-    return {
-        "flow": sweep.in_rows(sweep.flow),
-        "flow_is_valid": sweep.in_rows(sweep.is_estimated),
-        "flow_category_indices": sweep.in_rows(argoverse2_numbers(kinds)),
-        "dufo": sweep.in_rows(sweep.dynamic.astype(np.uint8)),
-        "dufocluster": sweep.in_rows(clusters[:-1].astype(np.int16)),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,19 +26,15 @@ class Rays:
 
     Attributes:
         azimuth: (C,) increasing; it may go beyond pi.
-        cos_azimuth, sin_azimuth: (C,) of it.
         elevations: (1, B) increasing, the same in all columns, or (C, 1).
     """
 
     azimuth: FloatArray
-    cos_azimuth: FloatArray
-    sin_azimuth: FloatArray
     elevations: FloatArray
 
-    @classmethod
-    def grid(cls, azimuth: FloatArray, elevations: FloatArray) -> Rays:
-        """Returns the rays of azimuths (C,) and elevations (1, B) or (C, 1)."""
-        return cls(azimuth, np.cos(azimuth), np.sin(azimuth), elevations)
+    @cached_property
+    def _ahead(self) -> tuple[FloatArray, FloatArray]:
+        return np.cos(self.azimuth), np.sin(self.azimuth)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -47,7 +44,7 @@ class Rays:
     def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
         """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
         columns, beams = window
-        cos_azimuth, sin_azimuth = self.cos_azimuth[columns, None], self.sin_azimuth[columns, None]
+        cos_azimuth, sin_azimuth = (part[columns, None] for part in self._ahead)
         elevations = self.elevations[columns if len(self.elevations) > 1 else slice(1), beams]
         cos_elevation, sin_elevation = np.cos(elevations), np.sin(elevations)
         x, y, z = (

@@ -93,7 +93,7 @@ class Sensor:
     def _sector(self, start: float, num_columns: int, phase: float) -> Rays:
         step = 2 * math.pi / self.num_columns
         azimuth = start + (np.arange(num_columns) + phase) * step
-        return Rays.grid(azimuth, np.radians(self.elevations_deg)[None])
+        return Rays(azimuth, np.radians(self.elevations_deg)[None])
 
     def _rosette(self, turns: NDArray[np.float64]) -> Rays:
         """The rays of a beam at some times (C,), counted in sweeps."""
@@ -103,7 +103,7 @@ class Sensor:
         azimuth = math.radians(self.degrees / 2) * radius * np.cos(angle)
         elevation = (low + high) / 2 + (high - low) / 2 * radius * np.sin(angle)
         order = np.argsort(azimuth)
-        return Rays.grid(azimuth[order], elevation[order, None])
+        return Rays(azimuth[order], elevation[order, None])
 
     def add_rain(self, ranges: FloatArray, rng: np.random.Generator) -> NDArray[np.bool_]:
         """Removes returns and adds drops near the lidar, in place; returns the mask of surfaces."""

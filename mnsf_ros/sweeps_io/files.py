@@ -122,10 +122,7 @@ def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     row_bytes = 4 * num_columns
     if not raw or len(raw) % row_bytes:
         raise DatasetError(f"{path}: is cut short: {len(raw)} bytes, expected rows of {row_bytes}")
-    rows = np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
-    # A damaged file may hold signaling NaN, about which NumPy warns at the first use.
-    rows[np.isnan(rows)] = np.nan
-    return rows
+    return np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
 
 
 def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:

@@ -20,7 +20,7 @@ from msg_utils.point_cloud2 import (
     encode_columns,
     encode_with_columns,
 )
-from msg_utils.point_times import PointTimes, TimeRule, decode_times
+from msg_utils.point_times import PointTimes, decode_times
 from msg_utils.stamps import decode_stamp
 
 _CLASH_PREFIX: Final = "sensor_"
@@ -54,8 +54,7 @@ def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: 
     xyz, finite = decode_xyz(message)
     own_stamp_ns = decode_stamp(message.header.stamp)
     stamp_ns = own_stamp_ns or now_ns
-    rule = TimeRule(settings.field, settings.unit, settings.stamp)
-    times = decode_times(message, finite, stamp_ns, rule)
+    times = decode_times(message, finite, stamp_ns, settings)
     source = CloudSource(message, finite, times, is_stamped=own_stamp_ns != 0)
     return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 

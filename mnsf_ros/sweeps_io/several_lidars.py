@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +16,6 @@ from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import LidarsSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource
-from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.point_times import PointTimes
 
@@ -179,13 +179,6 @@ def _gap_s(first_ns: int, second_ns: int) -> float:
     return abs(first_ns - second_ns) / NANOSECONDS
 
 
-@dataclass(frozen=True, eq=False)
-class MergedCloud(EncodedCloud):
-    """Cloud with the attributes of a sensor_msgs/PointCloud2."""
-
-    header: Any
-
-
 def merged_sweep(
     sweeps: Mapping[int, Sweep],
     frame_from_lidar: Mapping[int, NDArray[np.float64]],
@@ -220,9 +213,10 @@ def merged_sweep(
         columns["time"] = times_s
     numbers = np.fromiter((index + 1 for index in sweeps), np.uint8, len(sweeps))
     columns["lidar"] = np.repeat(numbers, [len(sweep) for sweep in sweeps.values()])
+    # With the attributes of a sensor_msgs/PointCloud2.
     encoded = encode_columns(columns, 1, len(xyz))
+    cloud = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
     times = PointTimes(times_s, "several lidars")
-    cloud = MergedCloud(**vars(encoded), header=header)
     source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)
     return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
 

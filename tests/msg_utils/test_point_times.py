@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mnsf_ros.settings import TimeSettings
 from msg_utils.point_cloud2 import encode_columns
-from msg_utils.point_times import TimeRule, decode_times
+from msg_utils.point_times import decode_times
 
 NUM = 500
 STAMP_NS = 1_700_000_000_123_456_789
@@ -22,7 +23,7 @@ def cloud_of(**columns):
     return encode_columns({**xyz, **columns}, 1, NUM)
 
 
-def decoded(*, wanted=ALL, stamp_ns=STAMP_NS, rule=TimeRule(), **columns):  # noqa: B008
+def decoded(*, wanted=ALL, stamp_ns=STAMP_NS, rule=TimeSettings(), **columns):  # noqa: B008
     return decode_times(cloud_of(**columns), wanted, stamp_ns, rule)
 
 
@@ -61,16 +62,16 @@ def test_stamp_of_another_clock_is_taken_for_the_first_point():
 
 @pytest.mark.parametrize(("stamp", "first_s"), [("start", 0.0), ("end", -0.0999)])
 def test_the_meaning_of_the_stamp_can_be_told(stamp, first_s):
-    times = decoded(t=(SWEEP_S * 1e9).astype(np.uint32), rule=TimeRule(stamp=stamp))
+    times = decoded(t=(SWEEP_S * 1e9).astype(np.uint32), rule=TimeSettings(stamp=stamp))
     np.testing.assert_allclose(times.times_s, SWEEP_S + first_s, atol=1e-6)
 
 
 def test_field_and_unit_can_be_told():
     columns = {"t": SWEEP_S.astype(np.float32), "my_time": (SWEEP_S * 1e3).astype(np.uint16)}
-    times = decoded(**columns, rule=TimeRule(field="my_time", unit="ms"))
+    times = decoded(**columns, rule=TimeSettings(field="my_time", unit="ms"))
     np.testing.assert_allclose(times.times_s, SWEEP_S, atol=0.0011)
-    assert decoded(**columns, rule=TimeRule(field="none")).times_s is None
-    missing = decoded(**columns, rule=TimeRule(field="other"))
+    assert decoded(**columns, rule=TimeSettings(field="none")).times_s is None
+    missing = decoded(**columns, rule=TimeSettings(field="other"))
     assert missing.times_s is None
     assert "'other'" in missing.fault
     assert "my_time" in missing.fault
@@ -115,6 +116,6 @@ def test_clouds_without_such_a_field_have_no_fault():
     assert times.times_s is None
     assert times.fault == ""
     no_points = encode_columns({"t": np.zeros(0, np.uint32)}, 1, 0)
-    empty = decode_times(no_points, np.zeros(0, bool), 0)
+    empty = decode_times(no_points, np.zeros(0, bool), 0, TimeSettings())
     assert empty.times_s is None
     assert empty.fault == ""

@@ -62,7 +62,7 @@ def random_shape(rng):
 def scattered(rng):
     """Rays as a rosette sends them, each with an elevation of its own."""
     azimuth = np.sort(rng.uniform(-1.2, 1.2, 4000))
-    return Rays.grid(azimuth, rng.uniform(-0.4, 0.2, (4000, 1)))
+    return Rays(azimuth, rng.uniform(-0.4, 0.2, (4000, 1)))
 
 
 @pytest.mark.parametrize("kind", ["turn", "sector", "scattered"])
@@ -80,7 +80,7 @@ def test_culling_changes_nothing(seed, kind):
     rays = {
         "turn": revolution(180, 32, rng.uniform()),
         # Across the azimuth pi.
-        "sector": Rays.grid(np.linspace(2.5, 4.1, 90), np.linspace(-0.4, 0.1, 24)[None]),
+        "sector": Rays(np.linspace(2.5, 4.1, 90), np.linspace(-0.4, 0.1, 24)[None]),
         "scattered": scattered(rng),
     }[kind]
     ranges, bodies = ShapeTable(shapes, list(range(len(shapes)))).cast(

@@ -232,7 +232,7 @@ def test_rain_takes_far_returns_and_its_drops_have_no_flow():
 
 
 def test_windows_are_seen_squarely_and_looked_through_at_an_angle():
-    rays = Rays.grid(np.radians(np.arange(-60.0, 61.0)), np.zeros((1, 1)))
+    rays = Rays(np.radians(np.arange(-60.0, 61.0)), np.zeros((1, 1)))
     pane = Shape(ShapeKind.BOX, (20.0, 0.01, 2.0), planar_pose(10.0, 0.0, np.pi / 2), is_glass=True)
     wall = box((14.0, 15.0), (-50.0, 50.0), (-2.0, 2.0))
     _, bodies = ShapeTable([pane, wall], [0, 1]).cast(rays, np.array([np.eye(4)] * 2), 120.0)
