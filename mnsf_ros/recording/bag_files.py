@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The layout of recordings on disk: their files and metadata.yaml, read and written."""
+"""The layout of recordings on disk: their files, metadata.yaml, and drafts."""
 
 from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -108,46 +108,6 @@ def read_metadata(folder: Path) -> tuple[list[Path], Counter[str]]:
     # Whatever folders a path names, only this one is looked into, and once for each file.
     names = [PurePath(path).name for path in content["relative_file_paths"]]
     return [folder / name for name in dict.fromkeys(names)], counts
-
-
-def write_metadata(
-    file: Path, topics: Collection[Mapping[str, object]], first_ns: int, end_ns: int, count: int
-) -> None:
-    """Writes the metadata.yaml of a folder with one mcap file, beside it.
-
-    Args:
-        file: The mcap file.
-        topics: Entries of its topics.
-        first_ns: Receive time of the first message.
-        end_ns: Receive time of the last message.
-        count: Number of messages.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-
-    def extent() -> dict[str, object]:
-        return {
-            "starting_time": {"nanoseconds_since_epoch": first_ns},
-            "duration": {"nanoseconds": end_ns - first_ns},
-            "message_count": count,
-        }
-
-    content = {
-        "version": 9,
-        "storage_identifier": "mcap",
-        "relative_file_paths": [file.name],
-        **extent(),
-        "topics_with_message_count": topics,
-        "compression_format": "",
-        "compression_mode": "",
-        "files": [{"path": file.name, **extent()}],
-        "custom_data": None,
-        "ros_distro": "jazzy",
-    }
-    yaml = YAML(typ="safe")
-    yaml.default_flow_style = False
-    yaml.dump({_ROOT: content}, file.with_name(METADATA_NAME))
 
 
 @contextmanager

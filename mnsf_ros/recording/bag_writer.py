@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,11 +12,14 @@ import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from mnsf_ros.errors import UNREADABLE, RecordingError, reason
 from mnsf_ros.geometry.transforms import pose_quaternion
-from mnsf_ros.recording.bag_files import new_folder, write_metadata
+from mnsf_ros.recording.bag_files import new_folder
 from mnsf_ros.recording.bag_topics import (
     CLOUD_TYPE,
     ODOMETRY_FRAME,
@@ -37,27 +39,39 @@ from msg_utils.stamps import encode_stamp
 _LATEST_NS: Final = 2**63 - 1
 
 
-@dataclass
-class _WrittenTopic:
-    """A topic with its channel in the mcap file."""
+class _CheckedMcap:
+    """An mcap file for the writer of rosbags; its own has no checksums."""
 
-    name: str
-    msgtype: str
-    channel: int
-    count: int = 0
+    def __init__(self, folder: Path, compression: CompressionMode) -> None:
+        self.path = folder / f"{folder.name}.mcap"
+        self._stream = self.path.open("xb")
+        is_compressed = compression == CompressionMode.STORAGE
+        kind = CompressionType.ZSTD if is_compressed else CompressionType.NONE
+        self._writer = McapWriter(self._stream, compression=kind)
+        self._writer.start(profile="ros2")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[int, int] = {}
 
-    def described(self) -> dict[str, object]:
-        """Returns its entry in metadata.yaml."""
-        return {
-            "topic_metadata": {
-                "name": self.name,
-                "type": self.msgtype,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": [],
-                "type_description_hash": jazzy().hash_rihs01(self.msgtype),
-            },
-            "message_count": self.count,
-        }
+    def add_msgtype(self, connection: Connection) -> None:
+        definition = connection.msgdef.data.encode()
+        schema = self._writer.register_schema(connection.msgtype, "ros2msg", definition)
+        self._schemas[connection.msgtype] = schema
+
+    def add_connection(self, connection: Connection, _profiles: str) -> None:
+        schema, about = self._schemas[connection.msgtype], {"offered_qos_profiles": ""}
+        channel = self._writer.register_channel(connection.topic, "cdr", schema, about)
+        self._channels[connection.id] = channel
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+        number = self._channels[connection.id]
+        self._writer.add_message(number, timestamp, bytes(data), timestamp)
+
+    def close(self, _version: int, _metadata: str) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.close()
+
+    def abort(self) -> None:
+        self._stream.close()
 
 
 class BagWriter:
@@ -81,11 +95,9 @@ class BagWriter:
         """
         self.path = Path(path)
         self._overwrite = overwrite
-        self._compression = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._topics: dict[str, _WrittenTopic] = {}
-        self._first_ns, self._end_ns = _LATEST_NS, 0
-        self._file = self.path
-        self._writer: McapWriter | None = None
+        self._compress = compress
+        self._connections: dict[str, Connection] = {}
+        self._writer: RosbagsWriter | None = None
         self._stack = ExitStack()
 
     def __enter__(self) -> BagWriter:
@@ -96,11 +108,11 @@ class BagWriter:
         """
         with self._guarded(), ExitStack() as stack:
             draft = stack.enter_context(new_folder(self.path, overwrite=self._overwrite))
-            draft.mkdir()
-            self._file = draft / f"{draft.name}.mcap"
-            stream = stack.enter_context(self._file.open("wb"))
-            self._writer = McapWriter(stream, compression=self._compression)
-            self._writer.start(profile="ros2")
+            writer = RosbagsWriter(draft, version=9, storage_plugin=StoragePlugin.MCAP)
+            writer.STORAGE_PLUGINS = {StoragePlugin.MCAP: _CheckedMcap}
+            if self._compress:
+                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer = stack.enter_context(writer)
             stack.push(self._finish)
             self._stack = stack.pop_all()
         return self
@@ -125,14 +137,14 @@ class BagWriter:
         if self._writer is None:
             raise RecordingError(f"{self.path}: is not open for writing")
         with self._guarded():
-            written = self._topics.get(topic) or self._added(self._writer, topic, msgtype)
-            if written.msgtype != msgtype:
-                raise ValueError(f"topic {topic!r} holds {written.msgtype}, got {msgtype}")
+            connection = self._connections.get(topic)
+            if connection is None:
+                connection = self._writer.add_connection(topic, msgtype, typestore=jazzy())
+                self._connections[topic] = connection
+            if connection.msgtype != msgtype:
+                raise ValueError(f"topic {topic!r} holds {connection.msgtype}, got {msgtype}")
             checked_integer(stamp_ns, "stamp", _LATEST_NS)
-            self._writer.add_message(written.channel, stamp_ns, bytes(raw), stamp_ns)
-        written.count += 1
-        self._first_ns = min(self._first_ns, stamp_ns)
-        self._end_ns = max(self._end_ns, stamp_ns)
+            self._writer.write(connection, stamp_ns, bytes(raw))
 
     def write_cloud(
         self,
@@ -202,24 +214,10 @@ class BagWriter:
             raw = jazzy().serialize_cdr(message, ODOMETRY_TYPE)
         self.write_raw(topic, ODOMETRY_TYPE, stamp_ns, raw)
 
-    def _added(self, writer: McapWriter, name: str, msgtype: str) -> _WrittenTopic:
-        definition, _ = jazzy().generate_msgdef(msgtype, ros_version=2)
-        schema = writer.register_schema(msgtype, "ros2msg", definition.encode())
-        channel = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": ""})
-        self._topics[name] = _WrittenTopic(name, msgtype, channel)
-        return self._topics[name]
-
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
-        writer, self._writer = self._writer, None
-        if kind is not None or writer is None:
-            return
-        if not self._topics:
+        self._writer = None
+        if kind is None and not self._connections:
             raise ValueError("nothing was written, so there is no recording")
-        writer.finish()  # type: ignore[no-untyped-call]
-        topics = self._topics.values()
-        count = sum(topic.count for topic in topics)
-        described = [topic.described() for topic in topics]
-        write_metadata(self._file, described, self._first_ns, self._end_ns, count)
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
