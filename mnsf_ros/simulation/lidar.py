@@ -54,7 +54,8 @@ class Rays:
         return x, y, z
 
 
-Window = tuple[slice, slice]
+# Columns and beams.
+Window = tuple[NDArray[np.intp] | slice, slice]
 
 
 class ShapeTable:
@@ -87,17 +88,17 @@ class ShapeTable:
         apart = np.abs(_turned(middles - (first + last) / 2))
         seen = (nearest < max_range_m) & (apart <= (last - first) / 2 + reaches + _TINY)
         for k in order[seen[order]]:
-            beams = self._beams(int(k), poses[k], rays)
-            for columns in _columns(rays.azimuth, middles[k], reaches[k]):
-                window = (columns, beams)
-                block = ranges[window]
-                # Shapes come nearest first, so most of what is far is already hidden.
-                if block.size == 0 or block.max() <= nearest[k]:
-                    continue
-                entry = self._entry(int(k), poses[k], rays, window)
-                nearer = (entry < block) & (entry >= MIN_RANGE_M)
-                np.copyto(block, entry, where=nearer)
-                np.copyto(bodies[window], self.body_of_shape[k], where=nearer)
+            off = np.abs(_turned(rays.azimuth - middles[k]))
+            columns = np.flatnonzero(off <= reaches[k] + _TINY)
+            window = (columns, self._beams(int(k), poses[k], rays))
+            block = ranges[window]
+            # Shapes come nearest first, so most of what is far is already hidden.
+            if block.size == 0 or block.max() <= nearest[k]:
+                continue
+            entry = self._entry(int(k), poses[k], rays, window)
+            nearer = (entry < block) & (entry >= MIN_RANGE_M)
+            ranges[window] = np.where(nearer, entry, block)
+            bodies[window] = np.where(nearer, self.body_of_shape[k], bodies[window])
         return ranges, bodies
 
     def _nearest(self, poses: FloatArray) -> FloatArray:
@@ -133,20 +134,6 @@ class ShapeTable:
         if self._are_glass[k]:
             return np.where(np.abs(directions[1]) >= _GLASS_COSINE, entry, np.inf)
         return entry
-
-
-def _columns(azimuth: FloatArray, middle: float, reach: float) -> list[slice]:
-    """Returns the columns around an azimuth; two slices across the start of a turn."""
-    if reach >= math.pi - _TINY:
-        return [slice(0, len(azimuth))]
-    turns = math.ceil((float(azimuth[0]) - middle - reach) / (2 * math.pi) - _TINY)
-    reach += _TINY
-    edges = (
-        middle + 2 * math.pi * (turns + np.array([0, 0, 1, 1])) + reach * np.array([-1, 1, -1, 1])
-    )
-    begin, end, again, last = np.searchsorted(azimuth, edges).tolist()
-    columns = [slice(begin, end), slice(max(again, end), last)]
-    return [part for part in columns if part.start < part.stop]
 
 
 def _turned(angles: FloatArray) -> FloatArray:
