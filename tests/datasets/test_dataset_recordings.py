@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.conversion import TruthSummary, write_recording
+from mnsf_ros.datasets.conversion import write_recording
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
 from mnsf_ros.errors import DatasetError, RecordingError
 
@@ -20,18 +20,6 @@ def sweep(index, *, num_points=5, stamp_ns=None):
 
 def source(*sweeps):
     return SweepSource("somewhere", len(sweeps), iter(sweeps))
-
-
-def test_a_recording_is_written_and_summed_up(tmp_path):
-    done = []
-    path = tmp_path / "deep" / "bag"
-    written = write_recording(source(sweep(0), sweep(1)), path, progress=done.append)
-    assert written == TruthSummary(2, 2, num_points=10, num_valid=5, num_dynamic=0)
-    assert done == [1, 2]
-    found = tiny_world.read(path)
-    assert found.frames == {"somewhere"}
-    assert np.array_equal(found.xyz[1], sweep(1).xyz)
-    assert [truth.valid.all() for truth in found.truth] == [True, False]
 
 
 def failing(error):

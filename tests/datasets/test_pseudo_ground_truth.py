@@ -96,16 +96,6 @@ def test_a_hidden_box_owns_no_points_but_tells_where_the_object_went():
     assert truth.dynamic[part() == tiny_world.MOVER].all()
 
 
-def test_only_what_was_labelled_is_valid():
-    view = labelled(0).xyz[:, 0] > 0
-    truth = sweep_truth(labelled(0, labelled=view), labelled(1), SETTINGS)
-    on_box = np.isin(part(), (tiny_world.MOVER, tiny_world.MARGIN, tiny_world.PARKED))
-    assert np.array_equal(truth.valid, (view & (part() != tiny_world.GONE)) | on_box)
-    everything = replace(SETTINGS, unlabelled_static=True)
-    truth = sweep_truth(labelled(0, labelled=view), labelled(1), everything)
-    assert np.array_equal(truth.valid, part() != tiny_world.GONE)
-
-
 @pytest.mark.parametrize("interval_s", [0.05, 0.1, 1.0])
 def test_what_is_dynamic_depends_on_the_speed(interval_s):
     still = np.eye(4)

@@ -189,14 +189,6 @@ def test_wrong_topic_is_explained(tmp_path, name, msgtype, text):
         find_topic(reader.path, reader.topics, name, msgtype)
 
 
-def test_unknown_topic_is_refused_before_reading(tmp_path):
-    with BagReader(two_topics(tmp_path / "bag")) as reader:
-        with pytest.raises(RecordingError, match="no topic '/left'"):
-            reader.messages("/left")
-        with pytest.raises(RecordingError, match="no topic '/left'"):
-            reader.raw_messages("/left")
-
-
 LATCHED = Qos(
     *(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL),
     *(QosTime(0, 0), QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False),

@@ -313,16 +313,6 @@ def test_metadata_that_lies_is_told(metadata, old, new, told):
     assert bool(reader.damages) == bool(told)
 
 
-def test_nested_references_in_metadata_take_no_time(metadata):
-    """Written out, their text would have a billion brackets."""
-    tree = "".join(f"- &a{number + 1} [*a{number}, *a{number}]\n" for number in range(30))
-    content = metadata.read_text().replace("name: /points", "name: *a30")
-    metadata.write_text(f"tree:\n- &a0 []\n{tree}{content}")
-    found, reader = read(metadata.parent)
-    assert found == ALL
-    assert "unhashable type: 'list'" in str(reader.damages[0])
-
-
 def test_a_number_in_base_60_in_metadata_takes_no_time(metadata):
     """It has 400,000 digits."""
     number = "1" + 200_000 * ":1"

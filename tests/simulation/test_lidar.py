@@ -98,24 +98,3 @@ def test_culling_changes_nothing(seed, kind):
     hit = np.isfinite(expected)
     assert np.allclose(ranges[hit], expected[hit], rtol=0, atol=1e-9)
     assert np.array_equal(bodies >= 0, hit)
-
-
-def test_box_seen_from_a_known_place():
-    # A wall 10 m ahead: every ray that meets it travels 10 m along x.
-    wall = box((10.0, 11.0), (-3.0, 3.0), (-2.0, 2.0))
-    rays = revolution(720, 64, 0.5)
-    ranges, _ = ShapeTable([wall], [0]).cast(rays, np.eye(4)[None], 120.0)
-    x, y, z = rays.directions(np.eye(3), FULL)
-    hit = np.isfinite(ranges)
-    assert np.allclose((ranges * x)[hit], 10.0)
-    with np.errstate(divide="ignore"):
-        ahead = (x > 0) & (np.abs(10 * y / x) < 3) & (np.abs(10 * z / x) < 2)
-    assert np.array_equal(hit, ahead)
-
-
-def test_shapes_beyond_the_range_are_not_seen():
-    far = box((60.0, 61.0), (-3.0, 3.0), (-5.0, 5.0))
-    rays = revolution(360, 16, 0.0)
-    ranges, bodies = ShapeTable([far], [0]).cast(rays, np.eye(4)[None], 50.0)
-    assert not np.isfinite(ranges).any()
-    assert (bodies == -1).all()

@@ -10,11 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
-from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps_io.flow_columns import (
     FLOW_COLUMNS,
     OBJECT_ROW,
-    chosen_columns,
     flow_columns,
     object_columns,
 )
@@ -62,19 +60,6 @@ def test_speed_is_that_of_the_velocity_and_colours_need_no_ego_motion():
     assert len(set(of_flow.view(np.uint32).tolist())) == 1
     assert of_flow.view(np.uint32)[0] != colors[1]
     assert not flow_columns(estimate, 0.0, np.ones(3, bool))["rgb"].any()
-
-
-def test_chosen_columns():
-    full, plain, compact = (
-        [column.name for column in chosen_columns(settings)]
-        for settings in (
-            OutputSettings(),
-            OutputSettings(rgb=False),
-            OutputSettings(layout="compact"),
-        )
-    )
-    assert full == [*plain, "rgb"]
-    assert compact == ["flow_x", "flow_y", "flow_z", "dynamic"]
 
 
 def tracked(track_id, covariance):
