@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -21,16 +22,30 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def test_documents_have_the_same_tables():
-    documents = "\n".join(path.read_text() for path in sorted(DOCS.glob("*.md")))
-    for column in FLOW_COLUMNS:
-        missing = "NaN" if np.isnan(column.missing) else f"{column.missing:g}"
-        kind = np.dtype(column.dtype).name
-        assert re.search(rf"\| `{column.name}` \| {kind} \| .* \| {missing} \|\n", documents)
-    for name in OBJECT_ROW.names:
-        if not name.startswith("cov_"):
-            assert f"| `{name}` | {OBJECT_ROW[name].name} |" in documents
+    text = (DOCS / "ros_interface.md").read_text()
+    flow, objects = (fields(text, f"| field of `~/{topic}` |") for topic in ("flow", "objects"))
+    assert flow == {
+        column.name: [
+            np.dtype(column.dtype).name,
+            "NaN" if np.isnan(column.missing) else f"{column.missing:g}",
+        ]
+        for column in FLOW_COLUMNS
+    }
     covariances = [f"`{name}`" for name in OBJECT_ROW.names if name.startswith("cov_")]
-    assert f"{covariances[0]}, {covariances[1]}, ... {covariances[-1]}" in documents
+    assert f"{covariances[0]}, {covariances[1]}, ... {covariances[-1]}" in text
+    kinds = {name: OBJECT_ROW[name].name for name in OBJECT_ROW.names}
+    assert {name: cells[0] for name, cells in objects.items()} == {
+        name: kind for name, kind in kinds.items() if f"`{name}`" not in covariances[2:-1]
+    }
+
+
+def fields(text, head):
+    """Names of the fields in a table to their type and last cell."""
+    rows = itertools.takewhile(
+        lambda line: line.startswith("|"), text.partition(head)[2].splitlines()[2:]
+    )
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    return {name: [own[1], own[-1]] for own in cells for name in re.findall("`([a-z_]+)`", own[0])}
 
 
 def test_flow_alone_leaves_the_others_missing():
