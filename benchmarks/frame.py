@@ -63,9 +63,8 @@ class Target:
         """`met`, `MISSED`, or empty if there is nothing to judge."""
         if math.isnan(self.measured):
             return ""
-        return verdict(
-            self.measured >= self.limit if self.is_minimum else self.measured <= self.limit
-        )
+        is_met = self.measured >= self.limit if self.is_minimum else self.measured <= self.limit
+        return "met" if is_met else "MISSED"
 
     def row(self) -> list[str]:
         """Cells for `TARGET_HEADER`."""
@@ -79,11 +78,6 @@ class Target:
 
 
 TARGET_HEADER: Final = ("", "target", "measured", "")
-
-
-def verdict(is_met: bool) -> str:
-    """`met` or `MISSED`."""
-    return "met" if is_met else "MISSED"
 
 
 def make_parser(text: str | None, *, has_document: bool = True) -> argparse.ArgumentParser:
