@@ -16,45 +16,51 @@ from PIL import Image, ImageDraw, ImageFont
 
 from mnsf_ros.drawing.color_wheel import packed_colors, wheel_image
 
-WIDTH_PX: Final = 880
-HEIGHT_PX: Final = 470
-# Of a picture beside another one.
-_SIDE_WIDTH_PX, _SIDE_HEIGHT_PX = 560, 299
+# Of a picture, which stands beside another one.
+_WIDTH_PX: Final = 560
+_HEIGHT_PX: Final = 300
 _GAP_PX: Final = 4
 _GAP_COLOR: Final = (90, 98, 110)
-_SCALE: Final = 2  # drawn larger, for smooth edges
+_SCALE: Final = 3  # drawn larger, for smooth edges
 _BACKGROUND: Final = np.array([13, 15, 20], np.uint8)
 _INK: Final = (225, 228, 232)
 _FAINT: Final = (140, 147, 156)
 # The camera is behind and above the sensor and looks ahead and down.
 _CAMERA: Final = np.array([-17.0, 0.0, 17.0])
 _PITCH_DEG: Final = 35.0
-_FOCAL_PX: Final = 620.0 * _SCALE
+_FOCAL_PX: Final = 395.0 * _SCALE
 _NEAREST_M: Final = 2.0
 _FARTHEST_M: Final = 120.0
 _GROUND_M: Final = -1.8  # about so far below the lidar of a car
 _STATIC_PX: Final = 2
 _MOVING_PX: Final = 4
-_WHEEL_PX: Final = 74
+_WHEEL_PX: Final = 50
 
 
-def street_picture(
-    xyz: NDArray[np.float32],
-    velocity: NDArray[np.float32],
-    full_speed_m_s: float,
-) -> Image.Image:
-    """Draws a sweep, 880 x 470 pixels.
+def frame(
+    xyz: NDArray[np.float32], velocities: Sequence[NDArray[np.float32]], full_speed_m_s: float
+) -> bytes:
+    """Draws a sweep once for each of some velocities, side by side.
 
     Args:
         xyz: (N, 3) metres, sensor frame, x forward.
-        velocity: (N, 3) metres per second over ground; static points are grey.
+        velocities: Each (N, 3) metres per second over ground; static points are grey.
         full_speed_m_s: Speed of the full colour.
+
+    Returns:
+        A PNG file.
     """
-    image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
-    _draw_sensor(ImageDraw.Draw(image))
-    image = image.resize((WIDTH_PX, HEIGHT_PX), Image.Resampling.BOX)
-    _draw_legend(image, full_speed_m_s)
-    return image
+    width = len(velocities) * (_WIDTH_PX + _GAP_PX) - _GAP_PX
+    whole = Image.new("RGB", (width, _HEIGHT_PX), _GAP_COLOR)
+    for place, velocity in enumerate(velocities):
+        image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
+        _draw_sensor(ImageDraw.Draw(image))
+        image = image.resize((_WIDTH_PX, _HEIGHT_PX), Image.Resampling.BOX)
+        _draw_legend(image, full_speed_m_s)
+        whole.paste(image, (place * (_WIDTH_PX + _GAP_PX), 0))
+    content = io.BytesIO()
+    whole.save(content, "PNG")
+    return content.getvalue()
 
 
 def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -64,8 +70,8 @@ def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     depth = x * math.cos(pitch) - z * math.sin(pitch)
     up = x * math.sin(pitch) + z * math.cos(pitch)
     safe = np.maximum(depth, _NEAREST_M)
-    columns = _SCALE * WIDTH_PX / 2 - _FOCAL_PX * y / safe
-    rows = _SCALE * HEIGHT_PX / 2 - _FOCAL_PX * up / safe
+    columns = _SCALE * _WIDTH_PX / 2 - _FOCAL_PX * y / safe
+    rows = _SCALE * _HEIGHT_PX / 2 - _FOCAL_PX * up / safe
     return np.column_stack([columns, rows]), depth
 
 
@@ -73,7 +79,7 @@ def _points(
     xyz: NDArray[np.float32], velocity: NDArray[np.float32], full_speed_m_s: float
 ) -> NDArray[np.uint8]:
     """Returns the image (H, W, 3) of the points, the nearest on top, moving ones over all."""
-    canvas = np.empty((_SCALE * HEIGHT_PX, _SCALE * WIDTH_PX, 3), np.uint8)
+    canvas = np.empty((_SCALE * _HEIGHT_PX, _SCALE * _WIDTH_PX, 3), np.uint8)
     canvas[:] = _BACKGROUND
     pixels, depth = _projected(xyz.astype(np.float64))
     packed = packed_colors(velocity, full_speed_m_s)
@@ -112,32 +118,13 @@ def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
     """Draws the wheel of colours, ahead is up."""
     rgba = np.rot90(np.rint(255 * wheel_image(_WHEEL_PX * _SCALE))).astype(np.uint8)
     wheel = Image.fromarray(rgba, "RGBA").resize((_WHEEL_PX, _WHEEL_PX), Image.Resampling.BOX)
-    x, y = WIDTH_PX - _WHEEL_PX - 22, HEIGHT_PX - _WHEEL_PX - 34
+    x, y = _WIDTH_PX - _WHEEL_PX - 28, _HEIGHT_PX - _WHEEL_PX - 26
     image.paste(wheel, (x, y), wheel)
-    canvas = ImageDraw.Draw(image)
-    middle = x + _WHEEL_PX / 2
-    canvas.text((middle, y - 4), "ahead", font=_font(12), fill=_FAINT, anchor="mb")
+    canvas, middle = ImageDraw.Draw(image), x + _WHEEL_PX / 2
+    font = ImageFont.truetype(str(Path(mpl.get_data_path(), "fonts/ttf/DejaVuSans.ttf")), 10)
+    canvas.text((middle, y - 3), "ahead", font=font, fill=_FAINT, anchor="mb")
     below = f"full colour {full_speed_m_s:g} m/s"
-    canvas.text((middle, HEIGHT_PX - 12), below, font=_font(12), fill=_FAINT, anchor="mb")
-
-
-def _font(size_px: int) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(Path(mpl.get_data_path(), "fonts/ttf/DejaVuSans.ttf")), size_px)
-
-
-def frame(
-    xyz: NDArray[np.float32], velocities: Sequence[NDArray[np.float32]], full_speed_m_s: float
-) -> bytes:
-    """Returns a PNG file with a picture for each of the velocities, see `street_picture`."""
-    width = len(velocities) * (_SIDE_WIDTH_PX + _GAP_PX) - _GAP_PX
-    whole = Image.new("RGB", (width, _SIDE_HEIGHT_PX), _GAP_COLOR)
-    for place, velocity in enumerate(velocities):
-        picture = street_picture(xyz, velocity, full_speed_m_s)
-        picture = picture.resize((_SIDE_WIDTH_PX, _SIDE_HEIGHT_PX), Image.Resampling.BOX)
-        whole.paste(picture, (place * (_SIDE_WIDTH_PX + _GAP_PX), 0))
-    content = io.BytesIO()
-    whole.save(content, "PNG")
-    return content.getvalue()
+    canvas.text((middle, _HEIGHT_PX - 8), below, font=font, fill=_FAINT, anchor="mb")
 
 
 def animation(frames: Sequence[bytes], interval_s: float) -> bytes:
