@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from typing import Final
 
 import numpy as np
@@ -30,55 +30,30 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _OUT_OF_TIME: Final = "time_budget"
 _NUM_POINTS: Final = ".num_points"
-
-
 # An object that was away for longer comes into view anew.
 _MAX_AWAY_S: Final = 0.5
 _TINY_S: Final = 1e-3
 
 
-@dataclass(frozen=True)
-class MoverGroup:
-    """Movers that are scored together.
-
-    Attributes:
-        name: Name in tables.
-        speeds_m_s: Lower and upper limit of the true speed.
-        max_range_m: Largest distance.
-        first_s: Grace period after an object comes into view.
-        kind: Its kind, see `ObjectRow`; empty for all.
-    """
-
-    name: str
-    speeds_m_s: tuple[float, float] = (0.5, math.inf)
-    max_range_m: float = 50.0
-    first_s: float = 0.3
-    kind: str = ""
-
-    def among(self, objects: pd.DataFrame) -> pd.DataFrame:
-        """Returns the objects of the group."""
-        low, high = self.speeds_m_s
-        speeds_m_s = objects["speed_m_s"]
-        own = objects["moves"] & (speeds_m_s >= low) & (speeds_m_s < high)
-        own &= objects["range_m"] <= self.max_range_m
-        return objects[own & (objects["kind"] == self.kind) if self.kind else own]
-
-
-FAST: Final = MoverGroup("2 m/s and faster, to 50 m", (2.0, math.inf))
-SLOW: Final = MoverGroup("0.5 to 2 m/s, to 30 m", (0.5, 2.0), 30.0, 0.6)
-# The first two have targets.
-MOVER_GROUPS: Final = (
-    FAST,
-    SLOW,
-    MoverGroup("2 to 5 m/s, to 50 m", (2.0, 5.0)),
-    MoverGroup("5 to 10 m/s, to 50 m", (5.0, 10.0)),
-    MoverGroup("10 m/s and faster, to 50 m", (10.0, math.inf)),
-    MoverGroup("cars, to 50 m", kind="car"),
-    MoverGroup("large vehicles, to 50 m", kind="large vehicle"),
-    MoverGroup("two-wheelers, to 50 m", kind="cyclist"),
-    MoverGroup("pedestrians, to 30 m", max_range_m=30.0, first_s=0.6, kind="pedestrian"),
-)
-_ANY: Final = MoverGroup("0.5 m/s and faster, to 50 m")
+FAST: Final = "2 m/s and faster, to 50 m"
+SLOW: Final = "0.5 to 2 m/s, to 30 m"
+_ANY: Final = "speed_m_s >= 0.5 and range_m <= 50"
+# Movers that are scored together: name in tables to condition, see `ObjectRow`. The first two have
+# targets.
+MOVER_GROUPS: Final = {
+    FAST: "speed_m_s >= 2 and range_m <= 50",
+    SLOW: "0.5 <= speed_m_s < 2 and range_m <= 30",
+    "2 to 5 m/s, to 50 m": "2 <= speed_m_s < 5 and range_m <= 50",
+    "5 to 10 m/s, to 50 m": "5 <= speed_m_s < 10 and range_m <= 50",
+    "10 m/s and faster, to 50 m": "speed_m_s >= 10 and range_m <= 50",
+    "cars, to 50 m": f"{_ANY} and kind == 'car'",
+    "large vehicles, to 50 m": f"{_ANY} and kind == 'large vehicle'",
+    "two-wheelers, to 50 m": f"{_ANY} and kind == 'cyclist'",
+    "pedestrians, to 30 m": f"{_ANY} and range_m <= 30 and kind == 'pedestrian'",
+}
+# Grace period after an object comes into view, longer for slow ones.
+_FIRST_S: Final = {SLOW: 0.6, "pedestrians, to 30 m": 0.6}
+_USUAL_FIRST_S: Final = 0.3
 _COLUMNS: Final = [*(one.name for one in fields(ObjectRow)), "recording", "time_s", "is_found"]
 _TYPES: Final = {"moves": bool, "is_found": bool, "time_s": float} | dict.fromkeys(
     ("speed_m_s", "range_m", "velocity_error_m_s", "direction_error_rad"), float
@@ -188,10 +163,10 @@ def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
         "direction_error_deg": math.degrees(moving["direction_error_rad"].median()),
         "after_stop_s": _after_stop_s(objects),
     }
-    for group in MOVER_GROUPS:
-        figures = _group_figures(group, group.among(objects))
-        found |= {f"{group.name}.{key}": value for key, value in figures.items()}
-    lost = _ANY.among(objects)["lost_by"].dropna().value_counts()
+    for name, condition in MOVER_GROUPS.items():
+        figures = _group_figures(moving.query(condition), _FIRST_S.get(name, _USUAL_FIRST_S))
+        found |= {f"{name}.{key}": value for key, value in figures.items()}
+    lost = moving.query(_ANY)["lost_by"].dropna().value_counts()
     found |= {f"lost.{stage.value}": number for stage, number in lost.items()}
     return found
 
@@ -211,15 +186,15 @@ def _objects(scored: Sequence[tuple[ResultRow, MoverRow]]) -> pd.DataFrame:
     return objects.assign(view=(away_s.isna() | (away_s > _MAX_AWAY_S)).cumsum())
 
 
-def _group_figures(group: MoverGroup, own: pd.DataFrame) -> dict[str, float]:
-    """Scores of the movers of a group; empty without any."""
+def _group_figures(own: pd.DataFrame, first_s: float) -> dict[str, float]:
+    """Scores of movers after a grace period; empty without any."""
     if own.empty:
         return {}
     times_s = own.groupby("view")["time_s"].agg(["min", "max"])
     hits_s = own[own["is_found"]].groupby("view")["time_s"].agg(["min", "max"])
     hits_s = hits_s.reindex(times_s.index)
     since_s = own["time_s"] - own["view"].map(times_s["min"])
-    late = own[since_s >= group.first_s - _TINY_S]
+    late = own[since_s >= first_s - _TINY_S]
     between = own["time_s"].between(own["view"].map(hits_s["min"]), own["view"].map(hits_s["max"]))
     return {
         "num_movers": len(times_s),

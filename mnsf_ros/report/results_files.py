@@ -33,7 +33,7 @@ _MOVERS: Final = {
         *("velocity_error_m_s", "direction_error_deg", "after_stop_s"),
     )
 } | {
-    f"{kind}_{key}": f"movers.{group.name}.{key}"
+    f"{kind}_{key}": f"movers.{group}.{key}"
     for kind, group in (("fast", FAST), ("slow", SLOW))
     for key in ("found", "flicker", "delay_s")
 }

@@ -12,7 +12,7 @@ import pandas as pd
 from mnsf_ros.evaluation.argoverse_metrics import THREE_WAY
 from mnsf_ros.evaluation.movers import LostBy, ObjectRow
 from mnsf_ros.evaluation.scoring import ResultRow
-from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, MoverGroup, errors_in, part_of
+from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, errors_in, part_of
 from mnsf_ros.report.text_table import NO_VALUE, Better, TextTable, format_number
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -161,7 +161,7 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
         _part_table(summary, "bucketed", bucketed, bucketed_title),
         _bins_table(summary, "by_range", "EPE (m) in bins of range", "m"),
         _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
-        _objects_table(summary, MOVER_GROUPS[2:]),
+        _objects_table(summary, list(MOVER_GROUPS)[2:]),
         _part_table(summary, "movers.lost", _LOST, lost),
         _made_table(summary, _WORK, work),
     ]
@@ -186,8 +186,8 @@ def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
             yield errors_table(errors.join(times), f"{words} ({points} points)")
 
 
-def _objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTable:
-    parts = {group.name: part_of(summary, f"movers.{group.name}") for group in groups}
+def _objects_table(summary: pd.DataFrame, groups: Iterable[str]) -> TextTable:
+    parts = {group: part_of(summary, f"movers.{group}") for group in groups}
     lines = {
         f"{method}: {name}": part.loc[method]
         for method in summary.index

@@ -156,7 +156,7 @@ def group_of(rows):
     """Movers, mover-sweeps, share found, flicker and delay of the fast ones."""
     summary = summary_of(rows)
     figures = ("num_movers", "num_sweeps", "found", "flicker", "delay_s")
-    return tuple(summary[f"{FAST.name}.{name}"] for name in figures)
+    return tuple(summary[f"{FAST}.{name}"] for name in figures)
 
 
 def test_first_sweeps_are_granted_then_a_mover_must_be_found():
@@ -183,8 +183,8 @@ def test_groups_are_by_speed_range_and_kind():
     def groups(**changes):
         return groups_in(summary_of(at_10_hz([seen(True, **changes)])))
 
-    assert groups() == {FAST.name, "5 to 10 m/s, to 50 m", "cars, to 50 m"}
-    assert groups(speed_m_s=1.0) == {SLOW.name, "cars, to 50 m"}
+    assert groups() == {FAST, "5 to 10 m/s, to 50 m", "cars, to 50 m"}
+    assert groups(speed_m_s=1.0) == {SLOW, "cars, to 50 m"}
     assert groups(range_m=51.0) == set()
     assert groups(moves=False) == set()
 
