@@ -32,9 +32,9 @@ class Console(rich.console.Console):
             safe = segment._replace(text="\n".join(map(plain_text, lines)))
             yield segment if segment.control else safe
 
-    def say(self, text: str, style: str | None = None, *, soft_wrap: bool = False) -> None:
-        """Prints a text without markup; with `soft_wrap`, long lines stay whole."""
-        self.print(text, style=style, markup=False, highlight=False, soft_wrap=soft_wrap)
+    def say(self, text: str, style: str | None = None) -> None:
+        """Prints a text without markup; long lines stay whole."""
+        self.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
     def warn(self, text: str) -> None:
         """Prints a text that needs attention."""

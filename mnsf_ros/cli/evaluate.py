@@ -161,7 +161,7 @@ def _shown(
                 done[task.key] += 1
             elif isinstance(event, FinishedTask) and not event.failure:
                 text = f"{_title(task)}: done, examples: {event.num_examples}"
-                console.say(text, soft_wrap=True)
+                console.say(text)
                 # The first and the last sweep of a recording make no example.
                 done[task.key] = num_sweeps[task.key]
             progress.update(bar, completed=sum(done.values()))

@@ -64,6 +64,6 @@ def run_explain(options: argparse.Namespace) -> None:
     place = options.stamp, options.at
     lines, picture = explain(recording, evaluation, *place, options.method or "")
     for line in lines:
-        console.say(line, soft_wrap=True)
+        console.say(line)
     if options.picture and picture:
         Path(options.picture).write_bytes(picture)

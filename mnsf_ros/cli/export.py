@@ -126,8 +126,7 @@ def _export(
             progress.update(task, completed=num_sweeps)
     console.say(
         f"{target}: {num_sweeps} sweeps of {recording.name}, {num_estimated} with an estimate of "
-        f"{method}",
-        soft_wrap=True,
+        f"{method}"
     )
 
 

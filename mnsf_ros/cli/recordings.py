@@ -42,11 +42,10 @@ def run_simulate(options: argparse.Namespace) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
 
         simulator = write_simulation(settings, options.out, show, overwrite=options.force)
-    console.say(simulator.scene.text, soft_wrap=True)
+    console.say(simulator.scene.text)
     console.say(
         f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
-        f"true flow, seed {settings.seed}",
-        soft_wrap=True,
+        f"true flow, seed {settings.seed}"
     )
 
 
@@ -89,7 +88,7 @@ def run_convert(options: argparse.Namespace) -> None:
         )
     lines = [f"{summary.num_sweeps} sweeps in {options.out}", str(summary)]
     for line in (*lines, *(f"warning: {text}" for text in summary.warnings())):
-        console.say(line, soft_wrap=True)
+        console.say(line)
 
 
 def add_play(arguments: Arguments) -> None:

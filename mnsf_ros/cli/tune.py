@@ -56,9 +56,9 @@ def run_tune(options: argparse.Namespace) -> None:
 
             outcome = tune(recordings, start, tuning, options.out, show, resume=options.resume)
     except KeyboardInterrupt:
-        console.say(f"{options.out}: {RESUME}", soft_wrap=True)
+        console.say(f"{options.out}: {RESUME}")
         raise
     for line in outcome.lines:
         console.say(line)
     if path := outcome.write_parameters(options.out, shlex.join(["mnsf", *sys.argv[1:]])):
-        console.say(f"Written: {path}", soft_wrap=True)
+        console.say(f"Written: {path}")

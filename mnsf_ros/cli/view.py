@@ -67,4 +67,4 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
 
 
 def _say_where(console: Console, address: str) -> None:
-    console.say(f"open {address} in a browser; Ctrl-C ends", soft_wrap=True)
+    console.say(f"open {address} in a browser; Ctrl-C ends")
