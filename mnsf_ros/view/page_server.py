@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import json
 import logging
+import secrets
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
@@ -13,6 +16,7 @@ from importlib.resources import files
 from queue import Full, Queue
 from threading import Thread
 from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -20,7 +24,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.view.access import SOCKET, Access
 
 Message = str | bytes
 
@@ -31,6 +34,9 @@ _MAX_COMMAND_BYTES: Final = 4096
 _MAX_COMMANDS: Final = 100
 _TRY_AGAIN_LATER: Final = 1013
 _UNSUPPORTED: Final = 1003
+_SOCKET: Final = "/socket"
+_LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
+_EVERY_INTERFACE: Final = ("0.0.0.0", "::")
 _TYPES: Final = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
@@ -68,7 +74,7 @@ class PageServer:
         # While it listens, all below belongs to the thread of the loop.
         self._viewers: set[_Viewer] = set()
         self._newest: dict[str, Message] = {}
-        self._access = Access("localhost")
+        self._access = _Access("localhost")
 
     @property
     def num_viewers(self) -> int:
@@ -101,7 +107,7 @@ class PageServer:
         Raises:
             ViewError: The address cannot be used.
         """
-        self._access = Access(host)
+        self._access = _Access(host)
         with _running_loop() as loop:
             try:
                 server = asyncio.run_coroutine_threadsafe(self._serve(host, port), loop).result()
@@ -149,7 +155,7 @@ class PageServer:
         path = request.path.partition("?")[0]
         if refusal := self._access.refusal(request):
             return connection.respond(HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        if path == SOCKET:
+        if path == _SOCKET:
             return None
         if path not in self._files:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such file\n")
@@ -220,6 +226,49 @@ class _Viewer:
         for message in waiting.values():
             await self._connection.send(message)
         await (await self._connection.ping())
+
+
+class _Access:
+    """The rule of one server: on this computer its own pages, on a network who has the token."""
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+        self._token = "" if _is_loopback(host) else secrets.token_urlsafe(16)
+
+    def address(self, port: int) -> str:
+        """Returns the address of the page, with the token."""
+        host = socket.gethostname() if self._host in _EVERY_INTERFACE else self._host
+        shown = f"[{host}]" if ":" in host else host
+        return f"http://{shown}:{port}/{f'?token={self._token}' if self._token else ''}"
+
+    def refusal(self, request: Request) -> str:
+        """Returns why a request is refused; empty if it is not.
+
+        Pages of other sites reach a server through the browser of a user: by its address, which
+        the header Origin tells, or by a name of theirs that leads here, which is in Host.
+        """
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1:
+            return "one Host is expected"
+        if origins and origins != [f"http://{hosts[0]}"]:
+            return f"foreign Origin {origins[0]!r}"
+        if self._token:
+            file, _, query = request.path.partition("?")
+            given = parse_qs(query).get("token", [""])[0]
+            is_right = secrets.compare_digest(given.encode(), self._token.encode())
+            if is_right or file not in ("/", _SOCKET):
+                return ""
+            return "the token is missing or wrong: open the address that mnsf view prints"
+        name = ""
+        with suppress(ValueError):
+            name = urlsplit(f"//{hosts[0]}").hostname or ""
+        return "" if name in (*_LOOPBACK_NAMES, self._host) else f"foreign Host {hosts[0]!r}"
+
+
+def _is_loopback(host: str) -> bool:
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
 
 
 @contextmanager
