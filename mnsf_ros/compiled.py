@@ -61,10 +61,7 @@ def _dispatcher(function: Callable[..., object]) -> Any:  # noqa: ANN401 - a cla
     try:
         dispatcher = decorate(cache=True)(function)
     except RuntimeError:  # neither the folder of the source nor that of the user can be written
-        try:
-            config.CACHE_DIR = _folder_of_process().name  # type: ignore[attr-defined]
-        except OSError:
-            return decorate()(function)
+        config.CACHE_DIR = _folder_of_process().name  # type: ignore[attr-defined]
         dispatcher = decorate(cache=True)(function)
     _take_installed(function, Path(str(dispatcher.stats.cache_path)))
     return dispatcher

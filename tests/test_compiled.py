@@ -87,11 +87,11 @@ def test_code_that_was_installed_is_used_where_the_cache_is_elsewhere(package, t
 
 
 @pytest.mark.slow
-def test_without_any_folder_each_process_compiles(package, tmp_path):
+def test_without_a_folder_of_the_user_each_process_compiles(package, tmp_path):
     for path in (home := tmp_path / "home", package / "__pycache__"):
         path.write_text("no folder")
     for _ in range(2):
-        assert compiles(package, HOME=str(home), TMPDIR=str(home))
+        assert compiles(package, HOME=str(home))
 
 
 def test_the_installation_compiles_every_loop():

@@ -131,11 +131,17 @@ class Workbench:
         self._cancelled = cancelled
         self._precision = ""
         self.fits: dict[str, OptimizationResult] = {}
-        self._clock = StageClock(finish=self._wait_for_gpu)
+        is_on_gpu = device.type == "cuda"
+        self._clock = StageClock(finish=torch.cuda.synchronize if is_on_gpu else lambda: None)
         # A generator of its own: the same triplet gives the same flow whatever came before.
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
         with self.stage("prepare"):
-            sweeps = (triplet.current, triplet.next, *_sweeps_before(triplet, num_before))
+            if len(triplet.before) < num_before:
+                raise SweepError(
+                    f"sweep {triplet.current.stamp_ns}: got {len(triplet.before)} sweeps before "
+                    f"it, expected {num_before}"
+                )
+            sweeps = (triplet.current, triplet.next, *triplet.before[:num_before])
             ready = [prepared.get(sweep) or PreparedSweep(sweep, settings) for sweep in sweeps]
             prepared.clear()
             prepared.update(zip(sweeps, ready, strict=True))
@@ -250,22 +256,9 @@ class Workbench:
             precision=self._precision,
         )
 
-    def _wait_for_gpu(self) -> None:
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
-
     def _sampled(self, rows: torch.Tensor) -> torch.Tensor:
         wanted = self.settings.optimization.max_points
         if 0 < wanted < len(rows):
             chosen = torch.randperm(len(rows), generator=self.generator)[:wanted]
             return rows[chosen.to(rows.device)]
         return rows
-
-
-def _sweeps_before(triplet: SweepTriplet, number: int) -> tuple[Sweep, ...]:
-    if len(triplet.before) < number:
-        raise SweepError(
-            f"sweep {triplet.current.stamp_ns}: got {len(triplet.before)} sweeps before it, "
-            f"expected {number}"
-        )
-    return triplet.before[:number]

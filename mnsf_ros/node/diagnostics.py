@@ -187,7 +187,7 @@ class Diagnostics:
                 self._no_flow_text(),
             ),
             (num_failed, _WARN, "the last estimate failed"),
-            (new[TRIPLETS_DROPPED], _WARN, self._overload_text(snapshot)),
+            (new[TRIPLETS_DROPPED], _WARN, self._overload_text()),
             (
                 0 < limits.max_latency_ms < snapshot.latency_ms(95),
                 _WARN,
@@ -219,20 +219,13 @@ class Diagnostics:
             return "clouds come in, but no flow goes out"
         return f"no flow: {_REASONS[name]} (see {name})"
 
-    def _overload_text(self, snapshot: StatisticsSnapshot) -> str:
+    def _overload_text(self) -> str:
         recent = self._moments[-1].counts - self._moments[0].counts
         flows, cores = recent[FLOWS_OUT], os.cpu_count() or 1
+        load = f"load {os.getloadavg()[0]:.1f}, cores {cores}"
         possible = flows + recent[TRIPLETS_DROPPED]
-        reasons = [f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}"]
-        if recent[SWEEPS_RECEIVED]:
-            interval_ms = 1e3 / self._rate_hz(SWEEPS_RECEIVED)
-            reasons.insert(0, f"sweeps come every {interval_ms:.0f} ms")
-        if snapshot.recent:
-            reasons.insert(0, f"an estimate takes {snapshot.estimate_ms:.0f} ms")
-        return (
-            f"CPU busy: {flows} of {possible} flows ({', '.join(reasons)}). "
-            "Close other programs, or lower crop.max_range_m."
-        )
+        advice = "Close other programs, or lower crop.max_range_m."
+        return f"CPU busy: {flows} of {possible} flows ({load}). {advice}"
 
     def _ego_motion_status(self, snapshot: StatisticsSnapshot, wanted: str) -> DiagnosticStatus:
         sources = Counter(item.ego_source for item in snapshot.recent if item.ego_source)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -18,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64, Header, String
 from visualization_msgs.msg import MarkerArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
@@ -85,13 +84,9 @@ class FlowOutputs:
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
-        if known.track_ids is not None:
-            self._publish_objects(header, known.objects)
-
-    def _publish_objects(self, header: Header, objects: Sequence[TrackedObject]) -> None:
         for output, make in self._objects:
-            if output.get_subscription_count() > 0:
-                output.publish(make(header, objects))
+            if known.track_ids is not None and output.get_subscription_count() > 0:
+                output.publish(make(header, known.objects))
 
 
 class DebugTimes:

@@ -54,7 +54,8 @@ def play(
         publishers = _publishers(reader, ros, topics, on_left_out)
         tell_time = ros.clock() if clock else None
         ros.spin_for(_SETTLE_S)
-        while wait and not _is_heard(reader, ros, publishers):
+        clouds = [one for one in publishers if reader.topics[one].msgtype == CLOUD_TYPE]
+        while wait and not any(map(ros.node.count_subscribers, clouds)):
             ros.spin_for(_SETTLE_S)
         number = 0
         for _ in itertools.count() if loop else range(1):
@@ -84,11 +85,6 @@ def _publishers(
     if not publishers:
         raise MessageTypeError(f"{reader.path}: no topic can be published")
     return publishers
-
-
-def _is_heard(reader: BagReader, ros: RawTopics, topics: Iterable[str]) -> bool:
-    clouds = (topic for topic in topics if reader.topics[topic].msgtype == CLOUD_TYPE)
-    return any(ros.node.count_subscribers(topic) for topic in clouds)
 
 
 def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, str, bytes]]:

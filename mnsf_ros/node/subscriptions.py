@@ -146,15 +146,13 @@ class InputSubscription:
             self._topic,
             self._receive,
             QoSProfile(depth=_DEPTH, reliability=policy),
-            event_callbacks=SubscriptionEventCallbacks(
-                message_lost=lambda event: self._report_lost(int(event.total_count_change))
-            ),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
 
-    def _report_lost(self, how_many: int) -> None:
+    def _on_lost(self, event: Any) -> None:  # noqa: ANN401 - of rclpy
         text = f"clouds of {self.topic} are lost in transport: {advice_on_lost_clouds()}"
-        self._report(SWEEPS_LOST, text, how_many)
+        self._report(SWEEPS_LOST, text, int(event.total_count_change))
 
     def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
         number = info["publication_sequence_number"]
