@@ -4,22 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import count
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
-from mnsf_ros.errors import MnsfError, RecordingError
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import (
     Findings,
-    TruthCloud,
     TruthTrack,
     in_stamp_order,
     recorded_sweeps,
@@ -32,28 +28,16 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
 from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
 
 
-@dataclass(frozen=True, eq=False)
-class EstimatedSweep:
-    """A triplet with the estimate of its current sweep; its truth is decoded when it is asked for.
+class EstimatedSweep(NamedTuple):
+    """A triplet with the truth and the estimate of its current sweep."""
 
-    Attributes:
-        number: Index of the current sweep in what was read, counted from 0.
-    """
-
-    recording: str
-    number: int
-    triplet: SweepTriplet
+    example: Example
     estimate: FlowEstimate
-    truth_cloud: TruthCloud | None
 
-    @cached_property
-    def example(self) -> Example:
-        """The triplet with its truth, without if that is unknown or does not fit."""
-        truth = None
-        if self.truth_cloud is not None:
-            with suppress(RecordingError):
-                truth = self.truth_cloud.of(self.triplet.current)
-        return Example(self.recording, self.number, self.triplet, truth)
+    @property
+    def triplet(self) -> SweepTriplet:
+        """The sweeps."""
+        return self.example.triplet
 
 
 def estimated_sweeps(
@@ -90,8 +74,8 @@ def estimated_sweeps(
         if estimate is None or triplet is None:
             continue
         num_estimates += 1
-        cloud, _ = truth.cloud_of(triplet.current.stamp_ns)
-        yield EstimatedSweep(name, number, triplet, estimate, cloud)
+        known, _ = truth.take(triplet.current)
+        yield EstimatedSweep(Example(name, number, triplet, known), estimate)
     if findings.damages and num_estimates == 0:
         raise next(iter(findings.damages)).error()
 

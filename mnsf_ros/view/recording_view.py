@@ -150,7 +150,7 @@ class RecordingView(PageView):
             stream.change_settings(self._settings)
             estimate = stream.repeat()
             if estimate is not None:
-                self._publish_scene(replace(shown, sweep=replace(shown.sweep, estimate=estimate)))
+                self._publish_scene(replace(shown, sweep=shown.sweep._replace(estimate=estimate)))
 
     def _start_at(self, position_s: float) -> None:
         """Estimates from a while before a position on; shows the first sweep from there on."""
