@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from mnsf_ros.core.reason_terms import rows_at
 from mnsf_ros.errors import EvaluationError, MnsfError
@@ -47,9 +47,7 @@ class _Shown:
     position_s: float
     sweep: EstimatedSweep
     trails: Trails
-
-
-_Preview: TypeAlias = tuple[Stream, _Shown]
+    stream: Stream  # that has estimated it
 
 
 class RecordingView(PageView):
@@ -86,7 +84,7 @@ class RecordingView(PageView):
         self._due_s = 0.0
         self._interval_s = USUAL_INTERVAL_S
         self._target_s: float | None = None
-        self._preview: _Preview | None = None
+        self._preview: _Shown | None = None
         self._start_at(0.0)
         self._publish_knobs()
 
@@ -119,36 +117,27 @@ class RecordingView(PageView):
         self._publish_player()
 
     def _set(self, values: Mapping[str, Any]) -> None:
-        self._use(self._settings.changed(values))
-
-    def _use(self, settings: Settings) -> None:
-        """Lets settings hold from the next sweep on; while paused, for the shown one at once."""
+        """Changes settings from the next sweep on; while paused, for the shown one at once."""
+        before, settings = self._settings, self._settings.changed(values)
         self._stream.change_settings(settings)
-        before, self._settings = self._settings, settings
+        self._settings = settings
         self._publish_knobs()
         if settings.time != before.time:
             self._start_at(self._position_s)
         elif not self._is_playing:
-            preview = self._preview or self._newest()
+            is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
+            preview = self._kept[-1] if is_newest else self._preview
             self._start_at(self._position_s)
-            if settings.of_preparation == before.of_preparation:
+            if preview is not None and settings.of_preparation == before.of_preparation:
                 self._preview = preview
-                self._show_preview()
+                self._show_preview(preview)
 
-    def _newest(self) -> _Preview | None:
-        """The shown sweep with the stream that has estimated it, unless that has gone on."""
-        is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
-        return (self._stream, self._kept[-1]) if is_newest else None
-
-    def _show_preview(self) -> None:
+    def _show_preview(self, shown: _Shown) -> None:
         """Shows the sweep with other settings at once: those before it follow with the target."""
-        if self._preview is None:
-            return
-        stream, shown = self._preview
         # What fails here fails again, and is told, when all is estimated.
         with suppress(MnsfError):
-            stream.change_settings(self._settings)
-            estimate = stream.repeat()
+            shown.stream.change_settings(self._settings)
+            estimate = shown.stream.repeat()
             if estimate is not None:
                 self._publish_scene(replace(shown, sweep=shown.sweep._replace(estimate=estimate)))
 
@@ -201,7 +190,7 @@ class RecordingView(PageView):
             self._publish_player(position_s)
             return
         self._target_s, self._preview = None, None
-        self._kept.append(_Shown(position_s, sweep, trails))
+        self._kept.append(_Shown(position_s, sweep, trails, self._stream))
         self._place = len(self._kept) - 1
         self._show()
 
