@@ -3,26 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from mnsf_ros.core import flow_estimate
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.flow_estimate import StageClock
 from mnsf_ros.errors import CancelledError
-
-
-def test_large_results_are_shown_in_one_line():
-    flow, dynamic = np.zeros((50_000, 3), np.float32), np.arange(50_000) < 40
-    still = dynamic.astype(np.float32)
-    known = OverGround(flow, dynamic, still, np.eye(4), np.eye(4), "registration")
-    estimate = FlowEstimate(flow, dynamic, times_ms={"prepare": 1.5, "forward": 2.0})
-    shown = repr(replace(estimate, over_ground=known))
-    assert shown.startswith("FlowEstimate(times_ms={'prepare': 1.5, 'forward': 2.0}, ")
-    assert "OverGround(source='registration', objects=())" in shown
-    assert "array" not in shown
 
 
 def test_clock_ends_a_cancelled_estimate_before_the_next_stage():

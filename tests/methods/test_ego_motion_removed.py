@@ -92,19 +92,6 @@ def test_odometry_is_taken_where_it_is_wanted():
     assert np.allclose(known.next_from_current, next_from_current(1), atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ["nsfp", "fnsf-joint", "mnsf-cycle", "mnsf-frames4"])
-def test_every_network_method_can_do_it(method):
-    settings = QUICK.changed({"optimization.max_iterations": 3, "fusion.max_iterations": 3})
-    estimator = make_method(method, settings)
-    assert estimator.traits.carries_state
-    sweeps = [sweep_at(index, points_per_box=60) for index in range(4)]
-    triplet = SweepTriplet(sweeps[1], sweeps[2], sweeps[3], earlier=(sweeps[0],))
-    result = estimator.estimate(triplet)
-    expected = np.linalg.inv(path(3)) @ path(2)
-    assert np.allclose(result.over_ground.next_from_current, expected, atol=0.05)
-    assert np.isfinite(result.flow).all()
-
-
 def test_switched_off_and_on_on_the_way(triplet):
     few = {"optimization.max_iterations": 4, "fusion.max_iterations": 4}
     on = QUICK.changed(few)

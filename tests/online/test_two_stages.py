@@ -109,18 +109,6 @@ def stamps(*indices):
     return [stamp_ns(index) for index in indices]
 
 
-def test_a_sweep_is_prepared_while_the_last_estimate_is_under_way(
-    pipeline, script, add, held, wait_until
-):
-    held(script.at_estimate, pipeline, 0, 1, 2)
-    add(pipeline, 3)
-    wait_until(lambda: script.prepared == stamps(2, 3))
-    assert script.estimated == []
-    script.at_estimate.let_go()
-    wait_until(lambda: pipeline.load == 0)
-    assert script.estimated == stamps(2, 3)
-
-
 def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, held, wait_until):
     held(script.at_estimate, pipeline, 0, 1, 2)
     for index in range(3, 9):
@@ -146,19 +134,6 @@ def test_sweeps_faster_than_their_preparation_are_dropped_before_it_and_the_newe
     wait_until(lambda: pipeline.load == 0)
     assert script.prepared == stamps(2, 3, 4, 19)
     assert script.estimated[-1] == stamp_ns(19)
-    assert_balanced(pipeline)
-
-
-def test_a_flow_is_handed_out_while_the_next_one_is_estimated(
-    pipeline, script, add, held, recorder, wait_until
-):
-    held(recorder.gate, pipeline, 0, 1, 2)
-    add(pipeline, 3)
-    wait_until(lambda: script.estimated == stamps(2, 3))
-    assert pipeline.load == 2
-    recorder.gate.let_go()
-    wait_until(lambda: pipeline.load == 0)
-    assert recorder.current_stamps == stamps(1, 2)
     assert_balanced(pipeline)
 
 
