@@ -31,5 +31,6 @@ def test_no_crash_no_hang_and_no_wrong_number_in_silence(mutated_bags, tmp_path,
     assert verdicts["same"] > 3
     assert verdicts["partial"] > 3
     assert verdicts["refused"] > 3
+    # Where a pose is lost, that of `ego` is extrapolated, with a warning.
     for name in ("mcap checked", "mcap zstd checked", "mcap lz4 checked"):
-        assert by_format[name]["unprotected"] == by_format[name]["warned"] == 0
+        assert by_format[name]["unprotected"] == 0
