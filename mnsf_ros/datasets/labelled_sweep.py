@@ -68,8 +68,6 @@ class LabelledSweep:
         flow_valid: (N,) bool, the given flow is known; None: everywhere.
         dynamic: (N,) bool, the surface itself moves; None: by the flow.
         class_id: (N,) uint8 class of the surface; None: that of its box.
-        next_from_current: (4, 4) float64 rigid motion of static points by the given flow; None: by
-            the poses.
         labelled: (N,) bool, inside the annotated area; None: all points.
         ground: (N,) bool; None: to be segmented.
         own_vehicle: (N,) bool, returns of the vehicle that carries the lidar; None: no point.
@@ -88,7 +86,6 @@ class LabelledSweep:
     flow_valid: NDArray[np.bool_] | None = None
     dynamic: NDArray[np.bool_] | None = None
     class_id: NDArray[np.uint8] | None = None
-    next_from_current: FloatArray | None = None
     labelled: NDArray[np.bool_] | None = None
     ground: NDArray[np.bool_] | None = None
     own_vehicle: NDArray[np.bool_] | None = None

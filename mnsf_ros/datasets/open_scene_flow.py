@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,15 +14,12 @@ from numpy.typing import DTypeLike, NDArray
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
-from mnsf_ros.geometry.transforms import FloatArray, invert
+from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.sweeps_io.files import as_type, reading
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17
 _STAMP: Final = re.compile("[0-9]{1,19}")
-# Fewer background points may all be on one object, which tells little about a turn.
-_MIN_BACKGROUND: Final = 100
 
 
 def open_file(source: Path) -> SweepSource:
@@ -53,19 +49,11 @@ def nanoseconds(stamp: int) -> int:
 
 
 def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
-    """Yields the sweeps, with poses chained by the flow of static points.
-
-    Poses of the files may be those of the vehicle instead of the points' frame. From the first
-    sweep without flow on the pose is unknown.
-    """
-    pose: FloatArray | None = np.eye(4)  # the frame of the first sweep is the world's
     with reading(source), h5_file(source) as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
                 sweep = _sweep(int(key), group_of(file, key))
-            yield replace(sweep, pose=pose)
-            motion = sweep.next_from_current
-            pose = None if pose is None or motion is None else pose @ invert(motion)
+            yield sweep
 
 
 def h5_file(path: Path) -> Any:  # noqa: ANN401 - h5py.File
@@ -107,20 +95,18 @@ def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
         columns["time_offset"] = array_of(group, "lidar_dt", np.float32)
-    sweep = LabelledSweep(
+    labels: dict[str, Any] = {}
+    if "flow" in group:
+        labels = {
+            "flow": array_of(group, "flow", np.float32),
+            "flow_valid": array_of(group, "flow_is_valid", bool),
+            "class_id": argoverse2_classes(array_of(group, "flow_category_indices", np.int64)),
+        }
+    return LabelledSweep(
         stamp_ns=nanoseconds(stamp),
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
+        pose=rigid_pose(array_of(group, "pose", np.float64)) if "pose" in group else None,
         ground=array_of(group, "ground_mask", bool) if "ground_mask" in group else None,
+        **labels,
     )
-    if "flow" not in group:
-        return sweep
-    categories = array_of(group, "flow_category_indices", np.int64)
-    flow, valid = array_of(group, "flow", np.float32), array_of(group, "flow_is_valid", bool)
-    classes = argoverse2_classes(categories)
-    sweep = replace(sweep, flow=flow, flow_valid=valid, class_id=classes)
-    # Points without a category are static.
-    static = valid & (categories == 0)
-    if np.count_nonzero(static) < _MIN_BACKGROUND:
-        return sweep
-    return replace(sweep, next_from_current=fit_rigid_motion(sweep.xyz[static], flow[static]))

@@ -144,8 +144,6 @@ def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
 
 
 def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.float64] | None:
-    if sweep.next_from_current is not None:
-        return np.asarray(sweep.next_from_current, dtype=np.float64)
     if sweep.pose is None or following.pose is None:
         return None
     return np.asarray(invert(following.pose) @ sweep.pose, dtype=np.float64)

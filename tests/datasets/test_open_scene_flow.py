@@ -8,8 +8,6 @@ import tiny_world
 from mnsf_ros.errors import DatasetError
 
 h5py = pytest.importorskip("h5py")
-# From the lidar to the vehicle, whose poses the files have beside points of the lidar.
-VEHICLE_FROM_LIDAR = tiny_world.pose(1.5, 0, 1.7, 0)
 
 
 def write_sequence(path, *, microseconds=False):
@@ -24,10 +22,9 @@ def write_sequence(path, *, microseconds=False):
 
 def write_group(group, index):
     tiny = tiny_world.sweep(index)
-    pose = tiny_world.world_from_sweep(index) @ np.linalg.inv(VEHICLE_FROM_LIDAR)
     group["lidar"] = np.column_stack([tiny.xyz, np.full(len(tiny.xyz), 5)]).astype(np.float32)
     group["lidar_dt"] = np.full(len(tiny.xyz), 0.01, np.float32)
-    group["pose"] = pose.astype(np.float32)
+    group["pose"] = tiny_world.world_from_sweep(index).astype(np.float32)
     group["ground_mask"] = np.arange(len(tiny.xyz)) % 3 == 0
     if index < tiny_world.NUM_SWEEPS - 1:
         on_car = np.isin(tiny.part, (1, 2, 4, 5))
@@ -46,25 +43,11 @@ def convert(source, out):
 @pytest.mark.parametrize("microseconds", [False, True])
 def test_a_sequence_becomes_a_recording_with_truth(tmp_path, microseconds):
     path = write_sequence(tmp_path / "log.h5", microseconds=microseconds)
-    found = tiny_world.read(convert(path, tmp_path / "out"))
-    assert found.stamps == [tiny_world.stamp_ns(index) for index in range(3)]
-    assert found.frames == {"lidar"}
-    for index in range(tiny_world.NUM_SWEEPS):
-        tiny = tiny_world.sweep(index)
-        assert np.array_equal(found.xyz[index], tiny.xyz)
-        assert np.array_equal(found.truth[index].ground, np.arange(len(tiny.xyz)) % 3 == 0)
-        tiny_world.check_truth(found.truth[index], index, tiny.xyz, tiny.part)
+    found = tiny_world.check_recording(convert(path, tmp_path / "out"), "lidar")
+    for truth in found.truth:
+        assert np.array_equal(truth.ground, np.arange(len(truth)) % 3 == 0)
     assert set(found.columns[0]["intensity"]) == {5}
     assert set(found.columns[0]["time_offset"]) == {np.float32(0.01)}
-    check_poses(found)
-
-
-def check_poses(found, num_sweeps=tiny_world.NUM_SWEEPS):
-    """The odometry is that of the points, in the frame of the first sweep."""
-    assert list(found.poses) == found.stamps[:num_sweeps]
-    for index, stamp in enumerate(found.poses):
-        pose = tiny_world.world_from_sweep(0) @ found.poses[stamp]
-        np.testing.assert_allclose(pose, tiny_world.world_from_sweep(index), atol=1e-5)
 
 
 def remove(path, *names):
@@ -74,16 +57,11 @@ def remove(path, *names):
     return path
 
 
-def test_poses_end_where_no_flow_of_enough_static_points_tells_them(tmp_path):
-    path = write_sequence(tmp_path / "log.h5")
-    remove(path, f"{tiny_world.stamp_ns(1)}/flow")
+def test_a_sweep_without_flow_has_its_pose(tmp_path):
+    path = remove(write_sequence(tmp_path / "log.h5"), f"{tiny_world.stamp_ns(1)}/flow")
     found = tiny_world.read(convert(path, tmp_path / "out"))
-    check_poses(found, num_sweeps=2)
+    assert list(found.poses) == found.stamps
     assert [truth.valid.any() for truth in found.truth] == [True, False, False]
-    with h5py.File(path, "a") as file:
-        categories = file[f"{tiny_world.stamp_ns(0)}/flow_category_indices"]
-        categories[...] = np.where(np.arange(len(categories)) < 99, 0, 19)
-    check_poses(tiny_world.read(convert(path, tmp_path / "none")), num_sweeps=1)
 
 
 @pytest.mark.parametrize(
@@ -96,6 +74,7 @@ def test_poses_end_where_no_flow_of_enough_static_points_tells_them(tmp_path):
         ("lidar", h5py.ExternalLink("nowhere", "/data"), "can't open file"),
         ("flow", np.zeros((7, 3), np.float32), r"flow has shape \(7, 3\), expected"),
         ("flow", np.full((7, 3), 1e300), "overflow encountered in cast"),
+        ("pose", np.zeros((4, 4)), "pose is no rigid motion"),
         ("ground_mask", np.zeros(7, bool), r"ground has shape \(7,\), expected"),
         ("flow_category_indices", np.zeros(7, np.uint8), r"class_id has shape \(7,\), expected"),
         ("flow_is_valid", None, "has no data set flow_is_valid; it has ego_motion, flow, "),
