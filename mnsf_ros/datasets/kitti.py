@@ -28,63 +28,57 @@ def open_drive(source: Path) -> SweepSource:
     The calibration is in it or in the folder above.
     """
     files = numbered_files(source / "velodyne_points" / "data", "*.bin")
-    drive = _Drive(source, first=next(iter(files)))
-    sweeps = (drive.sweep(number, file) for number, file in files.items())
-    return SweepSource("velodyne", len(files), sweeps)
+    here = (source / _IMU_CALIBRATION).is_file()
+    calibration = source if here else source.resolve().parent
+    imu_from_lidar = invert(_rigid_transform(calibration / _IMU_CALIBRATION))
+    stamps_file = source / "velodyne_points" / "timestamps.txt"
+    stamps = read_lines(stamps_file)
+    tracklets = source / "tracklet_labels.xml"
+    boxes = _read_tracklets(tracklets) if tracklets.is_file() else None
+    camera = None if boxes is None else _Camera(calibration)
+    origin = _imu_reading(source, next(iter(files)))[:3]
+
+    def sweeps() -> Iterator[LabelledSweep]:
+        for number, file in files.items():
+            # The line of a lost sweep is empty, and its file is missing.
+            with reading(stamps_file, f"line {number + 1}"):
+                stamp = np.datetime64(stamps[number].replace(" ", "T"), "ns")
+            rows = read_float_rows(file, 4)
+            xyz = np.ascontiguousarray(rows[:, :3])
+            with reading(file):
+                yield LabelledSweep(
+                    stamp_ns=int(stamp.astype(np.int64)),
+                    xyz=xyz,
+                    columns={"intensity": rows[:, 3]},
+                    pose=_world_from_imu(_imu_reading(source, number), origin) @ imu_from_lidar,
+                    boxes=None if boxes is None else boxes.get(number, ()),
+                    labelled=None if camera is None else camera.sees(xyz),
+                )
+
+    return SweepSource("velodyne", len(files), sweeps())
 
 
-class _Drive:
-    def __init__(self, source: Path, first: int) -> None:
-        here = (source / _IMU_CALIBRATION).is_file()
-        calibration = source if here else source.resolve().parent
-        self._source = source
-        self._imu_from_lidar = invert(_rigid_transform(calibration / _IMU_CALIBRATION))
-        self._stamps_file = source / "velodyne_points" / "timestamps.txt"
-        self._stamps = read_lines(self._stamps_file)
-        tracklets = source / "tracklet_labels.xml"
-        is_labelled = tracklets.is_file()
-        self._boxes = _read_tracklets(tracklets) if is_labelled else None
-        self._camera = _Camera(calibration) if is_labelled else None
-        self._origin = self._imu_reading(first)[:3]
+def _world_from_imu(imu: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    latitude, longitude, altitude, roll, pitch, yaw = imu.tolist()
+    latitude_0, longitude_0, altitude_0 = origin.tolist()
+    # Mercator, true to scale at the first sweep.
+    scale = _EARTH_RADIUS_M * math.cos(math.radians(latitude_0))
+    east = scale * math.radians(longitude - longitude_0)
+    north = scale * (_mercator(latitude) - _mercator(latitude_0))
+    pose = planar_pose(east, north, yaw, altitude - altitude_0)
+    world_from_imu: NDArray[np.float64] = pose @ tilt(pitch, roll)
+    return world_from_imu
 
-    def sweep(self, number: int, file: Path) -> LabelledSweep:
-        rows = read_float_rows(file, 4)
-        xyz = np.ascontiguousarray(rows[:, :3])
-        with reading(file):
-            return LabelledSweep(
-                stamp_ns=self._stamp_ns(number),
-                xyz=xyz,
-                columns={"intensity": rows[:, 3]},
-                pose=self._world_from_imu(number) @ self._imu_from_lidar,
-                boxes=None if self._boxes is None else self._boxes.get(number, ()),
-                labelled=None if self._camera is None else self._camera.sees(xyz),
-            )
 
-    def _stamp_ns(self, number: int) -> int:
-        # The line of a lost sweep is empty, and its file is missing.
-        with reading(self._stamps_file, f"line {number + 1}"):
-            return int(np.datetime64(self._stamps[number].replace(" ", "T"), "ns").astype(np.int64))
-
-    def _world_from_imu(self, number: int) -> NDArray[np.float64]:
-        latitude, longitude, altitude, roll, pitch, yaw = self._imu_reading(number)
-        latitude_0, longitude_0, altitude_0 = self._origin
-        # Mercator, true to scale at the first sweep.
-        scale = _EARTH_RADIUS_M * math.cos(math.radians(latitude_0))
-        east = scale * math.radians(longitude - longitude_0)
-        north = scale * (_mercator(latitude) - _mercator(latitude_0))
-        pose = planar_pose(east, north, yaw, altitude - altitude_0)
-        world_from_imu: NDArray[np.float64] = pose @ tilt(pitch, roll)
-        return world_from_imu
-
-    def _imu_reading(self, number: int) -> NDArray[np.float64]:
-        """(6,) latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
-        path = self._source / "oxts" / "data" / f"{number:010d}.txt"
-        words = " ".join(read_lines(path)).split()[:6]
-        with reading(path):
-            values = np.array(words, dtype=np.float64)
-            if len(values) < 6 or not np.isfinite(values).all():
-                raise ValueError(f"begins with {values.tolist()}, expected 6 finite numbers")
-            return values
+def _imu_reading(source: Path, number: int) -> NDArray[np.float64]:
+    """(6,) latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
+    path = source / "oxts" / "data" / f"{number:010d}.txt"
+    words = " ".join(read_lines(path)).split()[:6]
+    with reading(path):
+        values = np.array(words, dtype=np.float64)
+        if len(values) < 6 or not np.isfinite(values).all():
+            raise ValueError(f"begins with {values.tolist()}, expected 6 finite numbers")
+        return values
 
 
 def _mercator(latitude_deg: float) -> float:
