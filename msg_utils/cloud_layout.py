@@ -52,9 +52,7 @@ class CloudLayout:
             point_step=checked_integer(cloud.point_step, "point_step", POINT_STEP_MAX),
             row_step=checked_integer(cloud.row_step, "row_step"),
         )
-        layout._check_fields()
-        if layout.num_points > 0:
-            layout._check_row_step()
+        layout._check()
         return layout
 
     @property
@@ -69,37 +67,29 @@ class CloudLayout:
             return 0
         return (self.height - 1) * self.row_step + self.width * self.point_step
 
-    def view(
-        self, buffer: npt.NDArray[np.uint8], dtype: np.dtype[Any], offset: int = 0
-    ) -> npt.NDArray[Any]:
-        """Views the bytes from `offset` of every point as (height, width) of dtype, uncopied."""
+    def view(self, buffer: npt.NDArray[np.uint8], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+        """Views the first bytes of every point as (height, width) of dtype, uncopied."""
         shape = (self.height, self.width)
         if self.num_points == 0:
             return np.empty(shape, dtype)
-        return np.ndarray(shape, dtype, buffer, offset, (self.row_step, self.point_step))
+        return np.ndarray(shape, dtype, buffer, 0, (self.row_step, self.point_step))
 
-    def _check_fields(self) -> None:
-        if self.num_points > 0 and self.point_step == 0:
-            raise MessageError(
-                f"point_step is 0, expected at least 1 for the {self.num_points} points of a cloud "
-                f"of height {self.height} and width {self.width}"
-            )
-        limit, limit_name = self.point_step, "point_step "
-        if self.num_points == 0:
-            limit, limit_name = POINT_STEP_MAX, ""
+    def _check(self) -> None:
+        limit = self.point_step if self.num_points else POINT_STEP_MAX
+        if limit == 0:
+            raise MessageError(f"point_step is 0, expected at least 1 for {self.num_points} points")
         for field in self.fields:
             if field.end > limit:
                 raise MessageError(
                     f"field {describe(field.name)} (offset {field.offset}, count {field.count}, "
                     f"{field.scalar.name.upper()}) ends at byte {field.end} of the point, "
-                    f"expected at most {limit_name}{limit}"
+                    f"expected at most {limit}"
                 )
-
-    def _check_row_step(self) -> None:
-        if self.row_step < self.width * self.point_step:
+        row_bytes = self.width * self.point_step
+        if self.num_points and self.row_step < row_bytes:
             raise MessageError(
-                f"row_step is {self.row_step}, expected at least {self.width * self.point_step} "
-                f"(width {self.width} x point_step {self.point_step})"
+                f"row_step is {self.row_step}, expected at least {row_bytes} (width {self.width} x "
+                f"point_step {self.point_step})"
             )
 
 

@@ -24,13 +24,11 @@ _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
 class Submission:
     """Writes the sweeps of a challenge into an archive, see `submission`."""
 
-    def __init__(self, archive: zipfile.ZipFile, masks_path: Path, masks: zipfile.ZipFile) -> None:
-        self._archive = archive
-        self._masks_path = masks_path
-        self._masks = masks
+    def __init__(self, archive: zipfile.ZipFile, masks: zipfile.ZipFile) -> None:
+        self._archive, self._masks = archive, masks
         self._wanted = {name for name in masks.namelist() if name.endswith(".feather")}
         if not self._wanted:
-            raise DatasetError(f"{masks_path}: holds no mask, LOG/STAMP.feather")
+            raise DatasetError(f"{masks.filename}: holds no mask, LOG/STAMP.feather")
 
     def write(self, log: str, sweep: ExportedSweep) -> None:
         """Adds a sweep of a log, if the challenge has it.
@@ -60,12 +58,12 @@ class Submission:
     def _mask(self, name: str, num_rows: int) -> NDArray[np.bool_]:
         from pyarrow import feather
 
-        with reading(self._masks_path, name):
+        with reading(Path(str(self._masks.filename)), name):
             table = feather.read_table(BytesIO(self._masks.read(name)), use_threads=False)
             mask: NDArray[np.bool_] = table.column(0).to_numpy().astype(bool)
         if len(mask) != num_rows:
             raise DatasetError(
-                f"{self._masks_path}: {name} is for {len(mask)} points, the recorded sweep has "
+                f"{self._masks.filename}: {name} is for {len(mask)} points, the recorded sweep has "
                 f"{num_rows}"
             )
         return mask
@@ -89,4 +87,4 @@ def submission(path: Path, masks: Path, *, overwrite: bool = False) -> Iterator[
         new_file(path, overwrite=overwrite) as draft,
         zipfile.ZipFile(draft, "w") as archive,
     ):
-        yield Submission(archive, masks, wanted)
+        yield Submission(archive, wanted)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
-from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
@@ -32,11 +31,6 @@ class TruthSettings:
 
     box_margin_m: float = 0.6
     unlabelled_static: bool = False
-
-    def __post_init__(self) -> None:
-        """Checks the margin."""
-        if not 0.0 <= self.box_margin_m <= 10.0:
-            raise DatasetError(f"box margin is {self.box_margin_m} m, expected 0 to 10")
 
 
 def sweep_truth(

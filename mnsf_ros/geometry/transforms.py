@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.settings import EgoMotionSettings, LidarSettings
 from msg_utils.errors import MessageError
-
-if TYPE_CHECKING:
-    from mnsf_ros.settings import EgoMotionSettings, LidarSettings
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 

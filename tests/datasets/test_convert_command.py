@@ -77,8 +77,6 @@ def test_what_is_missing_comes_as_a_warning(
 def test_options_of_other_formats_are_refused(tmp_path, triplet):
     with pytest.raises(DatasetError, match="format 'triplets' takes no sequence"):
         run("triplets", triplet, tmp_path / "out", "--sequence", "one")
-    with pytest.raises(DatasetError, match="box margin is -1"):
-        run("triplets", triplet, tmp_path / "out", "--box-margin", "-1")
 
 
 @pytest.mark.parametrize("name", FORMATS)
