@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,43 +26,24 @@ from mnsf_ros.geometry.transforms import (
 from mnsf_ros.sweeps_io.files import as_type, choose, read_float_rows, reading
 
 _CHANNEL: Final = "LIDAR_TOP"
-_CHUNK_CHARACTERS: Final = 1 << 20
-_BETWEEN: Final = " \t\r\n,"
+_BETWEEN: Final = re.compile(r"[\s,]*")
 # Half of the vehicle's width and length: closer points, to its sides (x) and to its front and back
 # (y), are returns of the vehicle itself. The same as in OpenSceneFlow.
 _OWN_X_M: Final = 1.730 / 2
 _OWN_Y_M: Final = 4.084 / 2
 
 
-def json_rows(path: Path) -> Iterator[Any]:
-    """Yields the entries of a JSON list, a part of the file in memory at a time.
-
-    The tables of the whole data set have up to a gigabyte.
-
-    Raises:
-        DatasetError: The file is missing, cut short, or holds no list.
-    """
+def _json_rows(path: Path) -> Iterator[Any]:
+    """Yields the entries of a JSON list; as objects, a table of a gigabyte would take several."""
     decoder = json.JSONDecoder()
-    with reading(path), path.open(encoding="utf-8") as file:
-        text = file.read(_CHUNK_CHARACTERS).lstrip()
+    with reading(path):
+        text = path.read_text("utf-8").strip()
         if not text.startswith("["):
             raise ValueError("is no JSON list")
         position = 1
-        while True:
-            while position < len(text) and text[position] in _BETWEEN:
-                position += 1
-            if text.startswith("]", position):
-                return
-            try:
-                row, position = decoder.raw_decode(text, position)
-            except json.JSONDecodeError:
-                # The rest of this entry may be in the next part.
-                more = file.read(_CHUNK_CHARACTERS)
-                if not more:
-                    raise ValueError("the list has no end, the file is cut short") from None
-                text, position = text[position:] + more, 0
-            else:
-                yield row
+        while not text.startswith("]", position := next(_BETWEEN.finditer(text, position)).end()):
+            row, position = decoder.raw_decode(text, position)
+            yield row
 
 
 # Annotated instants in the order of time: microseconds to boxes in the world by their instance.
@@ -107,7 +89,7 @@ class _Tables:
         """Yields some columns of each row of a table."""
         path = self.folder / f"{name}.json"
         with reading(path):
-            for row in json_rows(path):
+            for row in _json_rows(path):
                 yield tuple(row[column] for column in columns)
 
     def poses(self, name: str, key: str, wanted: Collection[str]) -> dict[str, NDArray[np.float64]]:

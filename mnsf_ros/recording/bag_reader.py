@@ -148,8 +148,6 @@ class BagReader:
     def _converted(
         self, topic: str, convert: Callable[[bytes], Converted]
     ) -> Iterator[Readable[Converted]]:
-        if not self._files:
-            raise RecordingError(f"{self.path}: is not open")
         number, is_damaged = 0, False
         for item in chain.from_iterable(self._stored(one, topic) for one in self._files):
             if isinstance(item, Damage):

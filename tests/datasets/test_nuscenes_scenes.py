@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets import nuscenes
 from mnsf_ros.datasets.conversion import open_source
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
 from mnsf_ros.errors import DatasetError
@@ -158,7 +157,7 @@ NAN_ROW = np.full(5, np.nan, "<f4").tobytes()
 @pytest.mark.parametrize(
     ("file", "change", "message"),
     [
-        (TABLE + "sample.json", -40, "the list has no end"),
+        (TABLE + "sample.json", -40, "Unterminated string|Expecting"),
         (TABLE + "sample.json", b"{}", "is no JSON list"),
         (TABLE + "sample.json", b"[1]", "'int' object is not subscriptable"),
         (TABLE + "sensor.json", b'[{"token": "a"}]', "it has no 'channel'"),
@@ -177,11 +176,3 @@ NAN_ROW = np.full(5, np.nan, "<f4").tobytes()
 def test_damage_is_named(tmp_path, file, change, message):
     data = write_data(tmp_path / "data")
     tiny_world.check_refused("nuscenes", data, file, change, message, sequence="scene-1")
-
-
-def test_large_json_lists_are_read_in_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr(nuscenes, "_CHUNK_CHARACTERS", 3)
-    path = tmp_path / "rows.json"
-    for rows in ([{"a": [1, {"b": "]}, {"}]}, {}, {"ü": None, "c": 1.5e-7}], []):
-        path.write_text(json.dumps(rows, indent=2, ensure_ascii=False), encoding="utf-8")
-        assert list(nuscenes.json_rows(path)) == rows

@@ -131,13 +131,6 @@ def test_file_without_messages_needs_no_index(tmp_path):
         assert len(list(reader.messages("/points"))) == tiny_bags.NUM_CLOUDS
 
 
-def test_closed_reader_says_so(tmp_path):
-    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
-        scan = reader.messages("/points")
-    with pytest.raises(RecordingError, match="is not open"):
-        next(scan)
-
-
 def test_error_of_the_caller_is_not_touched(tmp_path):
     def fail(_message):
         raise ValueError("mine")

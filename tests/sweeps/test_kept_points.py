@@ -129,22 +129,6 @@ def test_objects_narrower_than_the_window_are_above_the_ground(box, rise):
     assert not ground[len(floor) :][is_above].any()
 
 
-@pytest.mark.parametrize("depth", [0.5, 5, 500])
-def test_ditch_four_cells_wide_is_ground_and_stray_points_below_lower_nothing(depth):
-    assert is_ground(np.vstack([[(0, 0, -depth), (3, -7, -depth)], plane()])).all()
-    ground = plane()
-    is_ditch = np.abs(ground[:, 0]) < 2 * GROUND.cell_size_m
-    ground[is_ditch, 2] -= 1.0
-    mask = is_ground(np.vstack([[(0.1, 0, -0.5)], ground]))
-    assert not mask[0]
-    assert mask[1:][is_ditch].all()
-
-
-@pytest.mark.parametrize("num_points", [0, 1, 9999])
-def test_points_in_one_place_are_ground(num_points):
-    assert is_ground(np.tile((-3.3, 80, 1e20), (num_points, 1))).all()
-
-
 @pytest.mark.parametrize("far", [1e5, 1e7, 1e20, 3e38])
 def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
     # Two heaps, each of the size of a point now: points high above the lowest point of their
