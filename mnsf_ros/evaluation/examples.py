@@ -28,15 +28,6 @@ from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
-# Arrivals at the sweep buffer that are counted.
-_ARRIVAL_EVENTS: Final = {
-    Arrival.DUPLICATE: Event.SWEEPS_DUPLICATE,
-    Arrival.OUT_OF_ORDER: Event.SWEEPS_OUT_OF_ORDER,
-    Arrival.TIME_WENT_BACK: Event.JUMPS_BACK,
-    Arrival.GAP: Event.GAPS,
-    Arrival.FRAME_CHANGED: Event.FRAME_CHANGES,
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Example:
@@ -126,9 +117,10 @@ class ExampleBuilder:
         self._truth = truth
         self._poses = poses
         self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
-        self._stamps_ns: list[int] = []
-        # Numbers of the sweeps after which some are known to be missing.
-        self._breaks: list[int] = []
+        self._num_sweeps = 0
+        self._last_ns: int | None = None
+        # Between sweeps, where none is known to be missing.
+        self._intervals_ns: list[int] = []
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
 
@@ -141,11 +133,11 @@ class ExampleBuilder:
         for sweep in sweeps:
             if sweep is None:
                 self._interrupt()
-                self._breaks.append(len(self._stamps_ns) - 1)
+                self._last_ns = None
             elif (example := self._completed_by(sweep)) is not None:
                 yield example
-        max_interval_s = self._options.settings.buffer.max_interval_s
-        number = _num_missing(self._stamps_ns, self._breaks, max_interval_s)
+        longest_ns = self._options.settings.buffer.max_interval_s * NANOSECONDS
+        number = _num_missing(np.array(self._intervals_ns), longest_ns)
         self._findings.count(Event.SWEEPS_MISSING, number)
 
     def _interrupt(self) -> None:
@@ -154,8 +146,10 @@ class ExampleBuilder:
         self._buffer.clear()
 
     def _completed_by(self, sweep: Sweep) -> Example | None:
-        number = len(self._stamps_ns)
-        self._stamps_ns.append(sweep.stamp_ns)
+        if self._last_ns is not None:
+            self._intervals_ns.append(sweep.stamp_ns - self._last_ns)
+        self._last_ns = sweep.stamp_ns
+        number, self._num_sweeps = self._num_sweeps, self._num_sweeps + 1
         truth = self._truth_of(sweep)
         kept = kept_points(
             sweep.xyz, sweep.stamp_ns, None if truth is None else truth.ground, self._options
@@ -163,7 +157,7 @@ class ExampleBuilder:
         sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
         arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
-            self._findings.count(_ARRIVAL_EVENTS[arrival])
+            self._findings.count(Event[arrival.name])
         if arrival in REFUSED:
             return None
         current, self._newest = self._newest, (number, truth)
@@ -205,17 +199,14 @@ _LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missin
 _MIN_INTERVALS: Final = 5
 
 
-def _num_missing(stamps_ns: list[int], breaks: list[int], max_interval_s: float) -> int:
-    """Returns how many sweeps are missing by the median interval between stamps.
+def _num_missing(intervals_ns: NDArray[np.int64], longest_ns: float) -> int:
+    """Number of sweeps that are missing by the median interval between stamps.
 
-    Recordings without checksums can lose messages without any sign of damage. Intervals after the
-    sweeps `breaks`, where others are known to be missing, do not count, nor longer ones than
-    `max_interval_s`, which are counted as gaps.
+    Recordings without checksums can lose messages without any sign of damage. Longer intervals than
+    `longest_ns` are counted as gaps.
     """
-    intervals = np.diff(np.array(stamps_ns, np.int64))
-    intervals = np.delete(intervals, [row for row in breaks if 0 <= row < len(intervals)])
-    if len(intervals) < _MIN_INTERVALS:
+    if len(intervals_ns) < _MIN_INTERVALS:
         return 0
-    usual = float(np.median(intervals))
-    long = intervals[(intervals > _LONG * usual) & (intervals <= max_interval_s * NANOSECONDS)]
+    usual = float(np.median(intervals_ns))
+    long = intervals_ns[(intervals_ns > _LONG * usual) & (intervals_ns <= longest_ns)]
     return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0

@@ -34,7 +34,10 @@ _MAX_DAMAGES: Final = 100
 
 
 class Event(str, Enum):
-    """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it."""
+    """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it.
+
+    Those of an `Arrival` have its name.
+    """
 
     SWEEPS_UNSTAMPED = "sweeps without a stamp; the time of reception was used"
     SWEEPS_TIMES_UNUSED = (
@@ -43,11 +46,11 @@ class Event(str, Enum):
     )
     SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
     SWEEPS_WITHOUT_POSE = "sweeps without odometry"
-    SWEEPS_DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
-    SWEEPS_OUT_OF_ORDER = "sweeps older than the previous sweep, skipped"
-    JUMPS_BACK = "jumps back in time; no triplet spans them"
-    GAPS = "gaps in time; no triplet spans them"
-    FRAME_CHANGES = "changes of frame_id; no triplet spans them"
+    DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
+    OUT_OF_ORDER = "sweeps older than the previous sweep, skipped"
+    TIME_WENT_BACK = "jumps back in time; no triplet spans them"
+    GAP = "gaps in time; no triplet spans them"
+    FRAME_CHANGED = "changes of frame_id; no triplet spans them"
     INTERRUPTIONS = "missing sweeps; no triplet spans the gap"
     SWEEPS_MISSING = "sweeps missing by the stamps of their neighbours, without damage found there"
     TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"

@@ -104,9 +104,9 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (20, 21, 22), (23, 24, 25)]
     assert findings.counts == {
-        Event.SWEEPS_DUPLICATE: 1,
-        Event.GAPS: 1,
-        Event.FRAME_CHANGES: 1,
+        Event.DUPLICATE: 1,
+        Event.GAP: 1,
+        Event.FRAME_CHANGED: 1,
     }
 
 

@@ -158,14 +158,14 @@ def done_run(out, recording, num_rows=2):
     for number in range(num_rows):
         folder.take(full_row(number, "ego"))
         assert [row.number for row in folder.rows()] == list(range(number + 1))
-    folder.take(FinishedTask("drive", "ego", num_rows, {Event.GAPS.value: 6}))
+    folder.take(FinishedTask("drive", "ego", num_rows, {Event.GAP.value: 6}))
     return folder
 
 
 def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
     folder = done_run(tmp_path / "out", recording)
     known = folder.finished(folder.rows())["drive", "ego"]
-    assert (known.num_examples, known.counts) == (2, {Event.GAPS.value: 6})
+    assert (known.num_examples, known.counts) == (2, {Event.GAP.value: 6})
     assert begin(folder.path, recording, resume=True)[1] == []
     rows = folder.path / "rows.jsonl"
     first, second = rows.read_text().splitlines(keepends=True)

@@ -74,12 +74,12 @@ def test_protocol_tells_the_source_of_ground(ground, truth, said):
 
 def test_damage_missing_truth_and_events():
     street = recording(damages=["a.mcap, byte 7: cut"], truth=None)
-    task = FinishedTask("street", "mnsf", 3, {Event.GAPS.value: 2}, ["b: c"])
+    task = FinishedTask("street", "mnsf", 3, {Event.GAP.value: 2}, ["b: c"])
     incomplete, others = notes([], [task, *FINISHED[1:]], recordings=[street])
     assert incomplete == ["Damage: a.mcap, byte 7: cut", "Damage: b: c"]
     assert others == [
         "street: no true flow, so no errors.",
-        f"street: {Event.GAPS.value}: 2.",
+        f"street: {Event.GAP.value}: 2.",
     ]
 
 
