@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from collections.abc import Iterable
 
@@ -16,10 +15,7 @@ from mnsf_ros.errors import plain_text
 
 
 class Console(rich.console.Console):
-    """Shows control characters in names and messages instead of sending them to the terminal.
-
-    It falls silent when its reader has left, as after `| head -1`; the work goes on.
-    """
+    """Shows control characters in names and messages instead of sending them to the terminal."""
 
     def render(
         self,
@@ -39,23 +35,6 @@ class Console(rich.console.Console):
     def warn(self, text: str) -> None:
         """Prints a text that needs attention."""
         self.say(text, "yellow")
-
-    def on_broken_pipe(self) -> None:
-        """Falls silent, where rich would end the process."""
-        self.quiet = True
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
-
-    def _check_buffer(self) -> None:
-        """Writes; rich before 13.8 (Ubuntu 24.04) does not call `on_broken_pipe` itself."""
-        try:
-            super()._check_buffer()
-        except BrokenPipeError:
-            self.on_broken_pipe()
-        except OSError as error:
-            complain(f"the output cannot be written: {error.strerror}")
-            self.on_broken_pipe()
 
 
 def counting_progress(console: Console) -> Progress:

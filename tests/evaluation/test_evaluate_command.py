@@ -363,24 +363,6 @@ def shell(line, arguments, **environment):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("line", "errors"),
-    [
-        ('"$@" | head -1; exit ${PIPESTATUS[0]}', 0),
-        ('"$@" > /dev/full', 1),
-    ],
-)
-def test_output_that_nobody_reads_costs_no_results(bag, tmp_path, line, errors):
-    out = tmp_path / "out"
-    done = shell(line, [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"])
-    assert done.returncode == COMPLETE
-    assert done.stderr.count("the output cannot be written: No space left on device") == errors
-    assert len(done.stderr.splitlines()) == errors
-    assert (out / "report.html").stat().st_size > 0
-    assert len(rows_in(out)) == 8
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
     "environment",
     [{"LC_ALL": "C", "PYTHONUTF8": "0"}, {"PYTHONIOENCODING": "ascii"}],
     ids=["C", "ascii"],
