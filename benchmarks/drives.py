@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from mnsf_ros import simulation
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
-from mnsf_ros.recording import flow_truth
+from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
-# Identity of the program that simulates.
-_SOURCES = sorted(Path(simulation.__file__).parent.glob("*.py"))
+# Identity of the program that simulates and keeps.
+_SOURCES = (*sorted(Path(simulation.__file__).parent.glob("*.py")), Path(__file__))
 _SIMULATOR = hashlib.sha256(b"".join(each.read_bytes() for each in _SOURCES)).hexdigest()[:12]
 
 Item = TypeVar("Item")
@@ -33,27 +33,16 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class TrueSweep:
-    """A sweep with its truth.
-
-    Attributes:
-        sweep: The sweep.
-        pose: (4, 4) world_from_sensor of the recording.
-        flow: (N, 3) metres to the next sweep.
-        dynamic: (N,) bool.
-        scored: (N,) bool: labelled, not ground.
-        ground: (N,) bool.
-        body: (N,) int, number of the object, the same in all sweeps; -1 is none.
-        class_id: (N,) `SurfaceClass`, 0 if unknown.
-    """
+    """A sweep with its pose, (4, 4) world_from_sensor, and its truth, valid where labelled."""
 
     sweep: Sweep
-    pose: NDArray[np.float64]
-    flow: NDArray[np.float32]
-    dynamic: NDArray[np.bool_]
-    scored: NDArray[np.bool_]
-    ground: NDArray[np.bool_]
-    body: NDArray[np.integer[Any]]
-    class_id: NDArray[np.uint8]
+    pose: NDArray[np.floating[Any]]
+    truth: FlowTruth
+
+    @property
+    def scored(self) -> NDArray[np.bool_]:
+        """(N,) the points that are labelled, and not on the ground."""
+        return self.truth.valid & ~self.truth.ground
 
 
 def real_sweeps(name: str) -> list[TrueSweep]:
@@ -70,17 +59,17 @@ def _real(path: Path) -> TrueSweep:
         "lidar",
         times_s=arrays["time_offset"],
     )
-    # Movers are labelled only in view of the camera; elsewhere they would count as static.
-    scored = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_ground"]
-    truth = (
+    truth = FlowTruth(
+        sweep.stamp_ns,
         arrays["flow"],
+        # Movers are labelled only in view of the camera; elsewhere they would count as static.
+        arrays["flow_valid"] & arrays["label_valid"],
         arrays["is_dynamic"],
-        scored,
         arrays["is_ground"],
-        arrays["box_track_id"],
         _classes(path, arrays["box_track_id"]),
+        (arrays["box_track_id"] + 1).astype(np.uint32),
     )
-    return TrueSweep(sweep, arrays["pose"], *truth)
+    return TrueSweep(sweep, arrays["pose"], truth)
 
 
 def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
@@ -102,7 +91,8 @@ def simulated_drive(seed: int, number: int, **settings: float) -> Iterator[TrueS
     """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
     street = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
-    yield from map(_simulated, SweepSimulator(street))
+    simulator = SweepSimulator(street)
+    yield from (_simulated(simulator, index) for index in range(simulator.num_sweeps))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +111,7 @@ def random_world(seed: int, num_sweeps: int, scenario: str = "random") -> World:
     `scenario` is `random`, or `standing`, where nothing moves.
     """
     simulator = SweepSimulator(SimulationSettings(seed=seed, scenario=scenario))
-    sweeps = [_simulated(simulator.sweep(index)) for index in range(num_sweeps)]
+    sweeps = [_simulated(simulator, index) for index in range(num_sweeps)]
     return World(seed, simulator.scene.sensor.kind, simulator.scene.text, sweeps)
 
 
@@ -146,19 +136,12 @@ def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> Wor
     return world
 
 
-def _simulated(item: flow_truth.TrueSweep) -> TrueSweep:
-    truth, times_ns = item.truth, item.columns.get("t")
+def _simulated(simulator: SweepSimulator, index: int) -> TrueSweep:
+    item = simulator.sweep(index)
+    times_ns = item.columns.get("t")
     times_s = None if times_ns is None else (times_ns / 1e9).astype(np.float32)
-    return TrueSweep(
-        Sweep(item.xyz, truth.stamp_ns, "lidar", times_s=times_s),
-        item.pose,
-        truth.flow,
-        truth.dynamic,
-        truth.valid & ~truth.ground,
-        truth.ground,
-        truth.object_id.astype(np.int32) - 1,
-        truth.class_id,
-    )
+    sweep = Sweep(item.xyz, item.truth.stamp_ns, "lidar", times_s=times_s)
+    return TrueSweep(sweep, item.pose, item.truth)
 
 
 def triplet_at(sweeps: Sequence[TrueSweep], index: int) -> SweepTriplet:

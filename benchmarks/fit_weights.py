@@ -132,7 +132,7 @@ def _samples(
     scene, decision = estimate.reason_of.scene, estimate.reason_of.decision
     rows = np.flatnonzero(truth.scored & estimate.kept)
     owners = scene.current.objects()[rows]
-    is_close = end_point_errors(estimate.flow[rows], truth.flow[rows]) < _CLOSE_M
+    is_close = end_point_errors(estimate.flow[rows], truth.truth.flow[rows]) < _CLOSE_M
     said = estimate.over_ground.confidence[rows].astype(float)
 
     def of_objects(objects: ObjectPoints, features: NDArray[np.float64]) -> Samples:
@@ -163,7 +163,7 @@ def _samples(
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
     """(N, 3) metres to the next sweep over ground, in the axes of the current one."""
     next_from_current = np.linalg.inv(next_.pose) @ truth.pose
-    own = truth.flow - rigid_flow(truth.sweep.xyz, next_from_current)
+    own = truth.truth.flow - rigid_flow(truth.sweep.xyz, next_from_current)
     motion: NDArray[np.float64] = own @ next_from_current[:3, :3]
     return motion
 

@@ -77,7 +77,7 @@ def _measured(sweeps: list[TrueSweep], method: str) -> tuple[list[float], float]
         times_ms.append(1e3 * (time.process_time() - start_s))
         truth = sweeps[index]
         if index >= len(sweeps) // 2:
-            known = (estimate.flow, truth.flow, truth.dynamic)
+            known = (estimate.flow, truth.truth.flow, truth.truth.dynamic)
             errors.append(by_motion(*(values[truth.scored] for values in known)))
     means_m = [float(np.nanmean([each[part].epe_m for each in errors])) for part in _PARTS]
     return means_m, float(np.median(times_ms[len(times_ms) // 2 :]))

@@ -22,7 +22,7 @@ from mnsf_ros.evaluation.scoring import ResultRow, empty_row, true_motion
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
 
@@ -106,18 +106,19 @@ def _scored(
     name: str, index: int, sweeps: Sequence[TrueSweep], estimate: FlowEstimate, *, with_ground: bool
 ) -> Scored:
     current, over_ground = sweeps[index], estimate.over_ground
+    flow = current.truth.flow
     # With points that the method takes for ground, such as the bottoms of vehicles.
     inside = crop_mask(current.sweep.xyz, preset("online").crop)
     above = np.flatnonzero(current.scored & inside)
-    known = (current.scored | current.ground if with_ground else current.scored) & inside
+    known = (current.scored | current.truth.ground if with_ground else current.scored) & inside
     example, rows = _example(name, index, sweeps, known), np.flatnonzero(known)
     truth, _ = true_motion(example, example.truth, rows)
-    has_stopped = np.isin(truth.object_id, _moved_lately(sweeps, index) + 1)
+    has_stopped = np.isin(truth.object_id, _moved_lately(sweeps, index))
     has_stopped &= np.linalg.norm(truth.velocity, axis=1) <= _CREEPING_M_S
     row = replace(
         empty_row(example, name),
-        errors=by_motion(estimate.flow[above], current.flow[above], current.dynamic[above]),
-        movers=_movers(truth, ~has_stopped, estimate, rows, current.flow[rows]),
+        errors=by_motion(estimate.flow[above], flow[above], current.truth.dynamic[above]),
+        movers=_movers(truth, ~has_stopped, estimate, rows, flow[rows]),
     )
     off = np.linalg.inv(example.triplet.next_from_current) @ over_ground.next_from_current
     called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
@@ -130,18 +131,9 @@ def _example(
 ) -> Example:
     """A sweep with its truth, valid where it is known."""
     current, next_ = sweeps[index : index + 2]
-    truth = FlowTruth(
-        current.sweep.stamp_ns,
-        current.flow,
-        known,
-        current.dynamic,
-        current.ground,
-        current.class_id,
-        (current.body + 1).astype(np.uint32),
-    )
     motion = np.linalg.inv(next_.pose) @ current.pose
     triplet = SweepTriplet(None, current.sweep, next_.sweep, next_from_current=motion)
-    return Example(name, index, triplet, truth)
+    return Example(name, index, triplet, replace(current.truth, valid=known))
 
 
 def _movers(
@@ -158,11 +150,11 @@ def _movers(
     return mover_row(truth, estimate.over_ground, rows[judged], errors_m, estimate.reason_of)
 
 
-def _moved_lately(sweeps: Sequence[TrueSweep], index: int) -> NDArray[np.int64]:
-    """Numbers of the bodies that moved within half a second before a sweep."""
+def _moved_lately(sweeps: Sequence[TrueSweep], index: int) -> NDArray[np.uint32]:
+    """Numbers of the objects that moved within half a second before a sweep."""
     since_ns = sweeps[index].sweep.stamp_ns - _GRACE_S * NANOSECONDS
-    lately = [one for one in sweeps[:index] if one.sweep.stamp_ns >= since_ns]
-    return np.unique(np.concatenate([one.body[one.dynamic] for one in lately])).astype(np.int64)
+    lately = [one.truth for one in sweeps[:index] if one.sweep.stamp_ns >= since_ns]
+    return np.unique(np.concatenate([one.object_id[one.dynamic] for one in lately]))
 
 
 @dataclass(frozen=True, eq=False)

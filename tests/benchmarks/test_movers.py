@@ -91,7 +91,7 @@ def test_a_kept_world_is_the_same_world(load, tmp_path):
     drives = load("drives")
     made, kept = (drives.kept_world(18, 0.2, "random", tmp_path / "cache") for _ in range(2))
     assert len(made.sweeps) == len(kept.sweeps) == 4
-    assert np.array_equal(made.sweeps[3].flow, kept.sweeps[3].flow)
+    assert np.array_equal(made.sweeps[3].truth.flow, kept.sweeps[3].truth.flow)
     assert len(list((tmp_path / "cache").iterdir())) == 1
     assert drives.kept_world(18, 0.2, "standing", tmp_path / "cache").text != made.text
 
@@ -100,10 +100,13 @@ def test_what_moved_lately_is_no_false_mover(load):
     """A car that has just stopped may still be called a mover for half a second."""
     drives, scores = load("drives"), load("world_scores")
     sweeps = drives.random_world(22, 9).sweeps
-    car = np.unique(sweeps[2].body[sweeps[2].dynamic])[0]
-    stopped = [
-        replace(one, dynamic=one.dynamic & (one.body != car)) if index > 2 else one
-        for index, one in enumerate(sweeps)
-    ]
+    truth = sweeps[2].truth
+    car = np.unique(truth.object_id[truth.dynamic])[0]
+
+    def without_car(truth):
+        return replace(truth, dynamic=truth.dynamic & (truth.object_id != car))
+
+    stopped = [replace(one, truth=without_car(one.truth)) for one in sweeps]
+    stopped[:3] = sweeps[:3]
     moved = [car in scores._moved_lately(stopped, index) for index in (2, 3, 7, 8)]
     assert moved == [True, True, True, False]
