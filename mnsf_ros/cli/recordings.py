@@ -86,9 +86,10 @@ def run_convert(options: argparse.Namespace) -> None:
             overwrite=options.force,
             compress=options.compress,
         )
-    lines = [f"{summary.num_sweeps} sweeps in {options.out}", str(summary)]
-    for line in (*lines, *(f"warning: {text}" for text in summary.warnings())):
-        console.say(line)
+    console.say(f"{summary.num_sweeps} sweeps in {options.out}")
+    console.say(str(summary))
+    if summary.warning:
+        console.say(f"warning: {summary.warning}")
 
 
 def add_play(arguments: Arguments) -> None:

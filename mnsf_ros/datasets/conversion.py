@@ -7,7 +7,7 @@ sweeps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -22,7 +22,7 @@ from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
 from mnsf_ros.datasets.waymo import open_segment
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.flow_truth import TrueSweep
+from mnsf_ros.recording.flow_truth import FlowTruth, TrueSweep
 
 
 class Format(NamedTuple):
@@ -64,19 +64,16 @@ def open_source(name: str, source: Path, sequence: str | None = None) -> SweepSo
 
 @dataclass
 class TruthSummary:
-    """Counts of sweeps (all, with a pose) and points (all, valid, of these dynamic)."""
+    """Counts of sweeps and points (all, valid, of these dynamic)."""
 
     num_sweeps: int = 0
-    num_posed: int = 0
     num_points: int = 0
     num_valid: int = 0
     num_dynamic: int = 0
 
-    def add(self, sweep: TrueSweep) -> None:
+    def add(self, truth: FlowTruth) -> None:
         """Counts one more sweep."""
-        truth = sweep.truth
         self.num_sweeps += 1
-        self.num_posed += sweep.pose is not None
         self.num_points += len(truth)
         self.num_valid += int(truth.valid.sum())
         self.num_dynamic += int((truth.valid & truth.dynamic).sum())
@@ -87,15 +84,15 @@ class TruthSummary:
         dynamic = self.num_dynamic / max(self.num_valid, 1)
         return f"flow of {valid:.1%} of the points is valid, {dynamic:.1%} of these are dynamic"
 
-    def warnings(self) -> Iterator[str]:
-        """Yields a line about each thing that a user may not expect."""
-        if not self.num_valid:
-            yield (
-                "no point has valid flow: no sweep with labels of its stamp has a next sweep "
-                "(--unlabelled-static takes all points as static)"
-            )
-        if 0 < self.num_posed < self.num_sweeps:
-            yield f"only {self.num_posed} of {self.num_sweeps} sweeps have a pose"
+    @property
+    def warning(self) -> str:
+        """What a user may not expect; empty if nothing."""
+        if self.num_valid:
+            return ""
+        return (
+            "no point has valid flow: no sweep with labels of its stamp has a next sweep "
+            "(--unlabelled-static takes all points as static)"
+        )
 
 
 def write_recording(
@@ -129,9 +126,9 @@ def write_recording(
                     f"{sweep.stamp_ns} ns"
                 )
             truth = sweep_truth(sweep, following, settings)
-            written = TrueSweep(sweep.xyz, truth, sweep.columns, sweep.pose)
-            writer.write_sweep(written, source.frame_id)
-            summary.add(written)
+            true = TrueSweep(sweep.xyz, truth, sweep.columns, sweep.pose)
+            writer.write_sweep(true, source.frame_id)
+            summary.add(truth)
             if progress is not None:
                 progress(summary.num_sweeps)
             sweep = following

@@ -51,15 +51,10 @@ KINDS = {
     "sqlite zstd messages": lambda p: tiny_bags.write_sqlite(
         p / "bag", mode=CompressionMode.MESSAGE
     ),
-    "mcap zstd messages": lambda p: tiny_bags.write_mcap(p / "bag", mode=CompressionMode.MESSAGE),
     "mcap zstd messages without metadata": lambda p: without_metadata(
         tiny_bags.write_mcap(p / "bag", mode=CompressionMode.MESSAGE)
     ),
-    "sqlite zstd messages without metadata": lambda p: without_metadata(
-        tiny_bags.write_sqlite(p / "bag", mode=CompressionMode.MESSAGE)
-    ),
     "sqlite zstd file": lambda p: tiny_bags.write_sqlite(p / "bag", mode=CompressionMode.FILE),
-    "mcap without metadata": lambda p: without_metadata(tiny_bags.write_mcap(p / "bag")),
     "sqlite without metadata": lambda p: without_metadata(tiny_bags.write_sqlite(p / "bag")),
     "two mcap files": lambda p: split(p / "bag"),
     "mcap file": lambda p: tiny_bags.write_mcap(p / "bag") / "bag.mcap",

@@ -186,10 +186,3 @@ def test_recording_without_messages_is_not_made(tmp_path):
     with pytest.raises(RecordingError, match="nothing was written"), BagWriter(tmp_path / "bag"):
         pass
     assert list(tmp_path.iterdir()) == []
-
-
-def test_closed_writer_says_so(tmp_path):
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.write_raw("/points", CLOUD_TYPE, 0, tiny_bags.cdr(0))
-    with pytest.raises(RecordingError, match="is not open for writing"):
-        writer.write_raw("/points", CLOUD_TYPE, 0, tiny_bags.cdr(0))
