@@ -8,6 +8,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mnsf_ros.compiled import compiled
 
@@ -146,10 +147,8 @@ def _kabsch(
     motion = np.eye(4)
     spread = np.linalg.svd((around * weights[:, None]).T @ around, compute_uv=False)
     if spread[1] > spread[0] * _MIN_SPREAD_RATIO**2:
-        left, _, right = np.linalg.svd((around * weights[:, None]).T @ turned)
-        # A reflection may fit better still, but nothing moves like that.
-        signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-        motion[:3, :3] = (right.T * signs) @ left.T
+        turn, _ = Rotation.align_vectors(turned, around, weights=weights)
+        motion[:3, :3] = turn.as_matrix()
     motion[:3, 3] = moved_center - motion[:3, :3] @ source_center
     return motion
 

@@ -93,17 +93,17 @@ def used_topics(
         summary = topics.get(topic, TopicSummary("", 0))
         return topic if summary.msgtype == msgtype and summary.count > 0 else None
 
-    def named(topic: str | None, convention: str, msgtype: str) -> str | None:
-        topic = topic or usual(convention, msgtype)
-        return None if topic is None else find_topic(path, topics, topic, msgtype)
-
-    truth = named(truth, TRUTH_FLOW_TOPIC, CLOUD_TYPE)
-    if points is None and truth is not None:
-        points = usual(POINTS_TOPIC, CLOUD_TYPE)
+    truth = truth or usual(TRUTH_FLOW_TOPIC, CLOUD_TYPE)
+    odometry = odometry or usual(TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
+    for topic, msgtype in ((truth, CLOUD_TYPE), (odometry, ODOMETRY_TYPE)):
+        if topic is not None:
+            find_topic(path, topics, topic, msgtype)
+    if truth is not None:
+        points = points or usual(POINTS_TOPIC, CLOUD_TYPE)
     points = find_topic(path, topics, points, CLOUD_TYPE)
     if points == truth:
         raise RecordingError(f"{path}: topic {points!r} cannot be both the sweeps and their truth")
-    return UsedTopics(points, truth, named(odometry, TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE))
+    return UsedTopics(points, truth, odometry)
 
 
 def find_topic(

@@ -161,7 +161,8 @@ class LidarGroups:
             if index == reference or not queue:
                 continue
             nearest = min(queue, key=lambda item: abs(item.sweep.stamp_ns - stamp_ns))
-            if _gap_s(nearest.sweep.stamp_ns, stamp_ns) <= settings.tolerance_s:
+            gap_s = abs(nearest.sweep.stamp_ns - stamp_ns) / NANOSECONDS
+            if gap_s <= settings.tolerance_s:
                 sweeps[index] = nearest
                 while queue.popleft() is not nearest:
                     pass
@@ -173,10 +174,6 @@ class LidarGroups:
         odd = (i for i in self._odd.difference(sweeps) if not self._is_silent(i, settings))
         ahead_s = {index: clocks_s[index] - clocks_s[reference] for index in odd}
         return LidarGroup(sweeps, ahead_s)
-
-
-def _gap_s(first_ns: int, second_ns: int) -> float:
-    return abs(first_ns - second_ns) / NANOSECONDS
 
 
 def merged_sweep(
