@@ -11,13 +11,15 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import parse_assignments
 from mnsf_ros.tuning.tune import TuneOptions, check_optuna, tune
 
 _EPILOG = """\
-Settings are chosen on the first half of each recording and judged on the second.
+Settings are chosen on the first half of each recording and judged on the second, on
+the first --max-examples of each half.
 
 Goals:
   epe          three-way end point error; needs true flow
@@ -35,6 +37,8 @@ def add_tune(arguments: Arguments) -> str:
     arguments.flag("--resume", RESUME)
     arguments.assignments("set a parameter, which is then not tuned; may be repeated")
     arguments.declared(TuneOptions)
+    # Of each half of a recording; they stay in memory.
+    arguments.declared(EvaluationOptions, "max_examples", "seed", max_examples=40)
     arguments.points()
     return _EPILOG
 
@@ -46,6 +50,7 @@ def run_tune(options: argparse.Namespace) -> None:
     if start.method.name != "online":
         raise SettingsError(f"method.name: got {start.method.name!r}; only online can be tuned")
     console, tuning = Console(), chosen(options, TuneOptions)
+    evaluation = chosen(options, EvaluationOptions, settings=start)
     recordings = chosen_recordings(options.bags, options.points)
     try:
         with counting_progress(console) as progress:
@@ -54,7 +59,7 @@ def run_tune(options: argparse.Namespace) -> None:
             def show(text: str, num_done: int, num_in_all: int) -> None:
                 progress.update(task, description=text, completed=num_done, total=num_in_all)
 
-            outcome = tune(recordings, start, tuning, options.out, show, resume=options.resume)
+            outcome = tune(recordings, evaluation, tuning, options.out, show, resume=options.resume)
     except KeyboardInterrupt:
         console.say(f"{options.out}: {RESUME}")
         raise

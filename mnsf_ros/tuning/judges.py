@@ -47,7 +47,7 @@ def estimates(examples: Sequence[Example], settings: Settings) -> Iterator[FlowE
 
 
 def read_halves(
-    recordings: Sequence[EvaluatedRecording], options: EvaluationOptions, max_examples: int
+    recordings: Sequence[EvaluatedRecording], options: EvaluationOptions
 ) -> tuple[Half, Half]:
     """Reads the first examples of both halves of each recording; no sweep is in both.
 
@@ -58,8 +58,7 @@ def read_halves(
         EvaluationError: A half of all recordings has no example.
         MnsfError: A recording cannot be read.
     """
-    pairs = [_halves_of(recording, options, max_examples) for recording in recordings]
-    first, second = zip(*pairs, strict=True)
+    first, second = zip(*(_halves_of(one, options) for one in recordings), strict=True)
     if not (any(first) and any(second)):
         names = ", ".join(recording.name for recording in recordings)
         raise EvaluationError(
@@ -70,18 +69,18 @@ def read_halves(
 
 
 def _halves_of(
-    recording: EvaluatedRecording, options: EvaluationOptions, max_examples: int
+    recording: EvaluatedRecording, options: EvaluationOptions
 ) -> tuple[list[Example], list[Example]]:
-    middle = recording.num_sweeps // 2
+    middle, most = recording.num_sweeps // 2, options.max_examples or recording.num_sweeps
     first: list[Example] = []
     second: list[Example] = []
     for example in read_examples(recording, options, Findings()):
         # The current sweep has one before it and one after it.
-        if example.number + 1 < middle and len(first) < max_examples:
+        if example.number + 1 < middle and len(first) < most:
             first.append(example)
         elif example.number - 1 >= middle:
             second.append(example)
-            if len(second) == max_examples:
+            if len(second) == most:
                 break
     return first, second
 

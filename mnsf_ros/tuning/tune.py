@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.errors import EvaluationError, SettingsError, library_missing, one_line
-from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.setting import Setting, SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.settings_documents import settings_yaml
@@ -59,10 +60,6 @@ class TuneOptions:
     parameters: str = declared(
         "all", "parameters to tune, NAME,...; all: those listed in docs/parameters.md"
     )
-    max_examples: int = declared(
-        40, "examples of each half of a recording; they stay in memory", 1, 100_000
-    )
-    seed: int = declared(0, "seed of the search and of the points looked at", 0, 2_147_483_647)
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -130,7 +127,7 @@ class Outcome:
 
 def tune(
     recordings: Sequence[EvaluatedRecording],
-    settings: Settings,
+    evaluation: EvaluationOptions,
     options: TuneOptions,
     folder: Path,
     watch: Watch,
@@ -139,26 +136,28 @@ def tune(
 ) -> Outcome:
     """Searches for better settings and judges them on the halves that were not tuned.
 
-    Settings to start from that were set explicitly are not tuned. The folder gets the trials, or
-    has those to `resume`.
+    The settings of the evaluation are the start; those that were set explicitly are not tuned. Of
+    each half at most its `max_examples` are looked at. The folder gets the trials, or has those to
+    `resume`.
 
     Raises:
         MnsfError: An option or a recording cannot be used, or the folder has another search.
     """
-    evaluation = EvaluationOptions(settings, seed=options.seed)
     start, goal = evaluation.settings, _goal(options.goal, recordings)
-    names = [one.name for one in tuned_settings(options.names, settings.explicit)]
+    fixed = start.explicit - {*SET_BY_EVALUATOR}
+    names = [one.name for one in tuned_settings(options.names, fixed)]
     identity = {
-        **start.to_mapping(),
+        **evaluation.identity,
         "goal": goal,
         "parameters": names,
-        "max-examples": options.max_examples,
         **{one.name: one.identity for one in recordings},
     }
-    study = _open_study(folder, identity, options.seed, resume=resume)
+    study = _open_study(folder, identity, evaluation.seed, resume=resume)
     tuned, held_out = (
-        ConsistencyJudge(half, start, options.seed) if goal == CONSISTENCY else LabelledJudge(half)
-        for half in read_halves(recordings, evaluation, options.max_examples)
+        ConsistencyJudge(half, start, evaluation.seed)
+        if goal == CONSISTENCY
+        else LabelledJudge(half)
+        for half in read_halves(recordings, evaluation)
     )
 
     before = {name: start.value_of(name) for name in names}
@@ -241,8 +240,7 @@ def _open_study(
     from optuna.storages.journal import JournalFileBackend
 
     path = folder / TRIALS_FILE
-    if path.exists() and not resume:
-        raise EvaluationError(f"{folder}: exists already; name another folder, or add --resume")
+    check_folder(folder, resume=resume)
     if path.exists() and not path.is_file():
         raise EvaluationError(f"{path}: is not a file")
     folder.mkdir(parents=True, exist_ok=True)

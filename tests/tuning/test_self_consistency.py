@@ -19,7 +19,7 @@ SETTINGS = preset("online")
 @pytest.fixture(scope="module")
 def half(street):
     recording = choose_topics(street, "street")
-    return read_halves([recording], EvaluationOptions(SETTINGS), 40)[0]
+    return read_halves([recording], EvaluationOptions(SETTINGS))[0]
 
 
 def the_truth(velocity, _):

@@ -31,7 +31,7 @@ def recording(street):
 
 @pytest.fixture(scope="module")
 def halves(recording):
-    return read_halves([recording], EvaluationOptions(START), 40)
+    return read_halves([recording], EvaluationOptions(START))
 
 
 def numbers(half):
@@ -64,9 +64,10 @@ def test_settings_that_fail_do_not_win(halves):
 
 
 def tuned(recording, out, num_trials, *, resume=False, **changes):
-    values = {"parameters": ",".join(TWO), "goal": "consistency", "max_examples": 4, **changes}
-    options = TuneOptions(trials=num_trials, **values)
-    return tune([recording], START, options, out, lambda *_: None, resume=resume)
+    values = {"goal": "consistency", "max_examples": 4, **changes}
+    options = TuneOptions(values["goal"], num_trials, ",".join(TWO))
+    evaluation = EvaluationOptions(START, max_examples=values["max_examples"])
+    return tune([recording], evaluation, options, out, lambda *_: None, resume=resume)
 
 
 def test_search_is_resumed(recording, tmp_path):
@@ -74,7 +75,7 @@ def test_search_is_resumed(recording, tmp_path):
     first = tuned(recording, tmp_path, 2)
     with pytest.raises(EvaluationError, match="exists already; name another folder, or add --res"):
         tuned(recording, tmp_path, 3)
-    with pytest.raises(EvaluationError, match="goal, max-examples differ"):
+    with pytest.raises(EvaluationError, match="max_examples, goal differ"):
         tuned(recording, tmp_path, 3, resume=True, goal="epe", max_examples=3)
     second = tuned(recording, tmp_path, 3, resume=True)
     assert (first.num_trials, second.num_trials) == (2, 3)
@@ -141,7 +142,7 @@ def test_missing_optuna_is_said_first(tmp_path, capsys, monkeypatch):
     ("arguments", "text"),
     [
         (["--trials", "0"], "trials: got 0"),
-        (["--max-examples", "0"], "max_examples: got 0"),
+        (["--max-examples", "-1"], "max_examples: got -1"),
         (["--parameters", "crop.max_range_m"], "cannot be tuned; choose from"),
         (["--parameters", "objects.min_prob"], "or objects.min_probability or"),
         (["--parameters", TWO[0], "--set", f"{TWO[0]}=0.4"], "no parameter is left to tune"),
@@ -160,7 +161,7 @@ def test_recordings_that_cannot_be_used(recording, tmp_path):
     with pytest.raises(EvaluationError, match="--goal epe needs true flow, which street has not"):
         tuned(unlabelled, tmp_path, 3, goal="epe")
     with pytest.raises(EvaluationError, match="street: too short to tune on one half"):
-        read_halves([replace(recording, num_sweeps=2)], EvaluationOptions(START), 40)
+        read_halves([replace(recording, num_sweeps=2)], EvaluationOptions(START))
 
 
 def test_declared_ranges():
