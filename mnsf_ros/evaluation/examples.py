@@ -23,6 +23,7 @@ from mnsf_ros.evaluation.tracks import (
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
@@ -63,7 +64,7 @@ def read_examples(
     """
     settings, truth, poses = options.settings, None, None
     num_sweeps = num_sweeps_needed(options, recording.num_sweeps)
-    with recording.open() as reader:
+    with BagReader(recording.path) as reader:
         if recording.truth is not None:
             clouds = truth_clouds(reader, recording.truth, findings)
             truth = TruthTrack(clouds, findings, str(reader.path))

@@ -46,10 +46,6 @@ class EvaluatedRecording:
         told = {name: getattr(self, name) for name in ("points", "truth", "odometry", "num_sweeps")}
         return told | {f"fingerprint: {name}": value for name, value in self.fingerprint.items()}
 
-    def open(self) -> BagReader:
-        """Returns a reader of the recording."""
-        return BagReader(self.path)
-
 
 def choose_topics(
     path: Path | str,

@@ -41,6 +41,9 @@ _TEXT: Final = (
 )
 
 _SQUARE: Final = "square"
+# Half width of the picture, in lengths of the weight vector, and grid points along each side.
+_RADIUS: Final = 0.5
+_NUM_STEPS: Final = 21
 
 Loss = Callable[[], torch.Tensor]
 # One tensor for each parameter of a network.
@@ -79,16 +82,16 @@ def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> pd.Da
         steps along two random directions, symmetric, with 0; `direction N` are steps along one,
         the loss being the mean of a step forth and back.
     """
-    case, generator = options.case, torch.Generator().manual_seed(options.evaluation.seed)
+    generator = torch.Generator().manual_seed(options.evaluation.seed)
     lines: list[tuple[str, float, float, float]] = []
     pair = [random_direction(network, generator) for _ in range(2)]
-    axis = np.linspace(-case.radius, case.radius, case.steps)
+    axis = np.linspace(-_RADIUS, _RADIUS, _NUM_STEPS)
     places = [(x, y) for y in axis for x in axis]
     for place, loss_m in zip(places, losses_along(network, loss_of, pair, places), strict=True):
         lines.append((_SQUARE, *place, loss_m))
-    radii = case.radius * np.array([0.1, 0.2, 0.5, 1.0])
+    radii = _RADIUS * np.array([0.1, 0.2, 0.5, 1.0])
     there_and_back = [(sign * step,) for step in radii for sign in (1.0, -1.0)]
-    for number in range(case.directions):
+    for number in range(options.case.directions):
         direction = random_direction(network, generator)
         losses = losses_along(network, loss_of, [direction], there_and_back)
         for step, loss_m in zip(radii, losses.reshape(-1, 2).mean(axis=1), strict=True):

@@ -45,10 +45,6 @@ class CaseStudySettings:
         SettingsError: If a value is out of its range.
     """
 
-    radius: float = declared(
-        0.5, "landscape: half width of the picture, in lengths of the weight vector", 0.001, 10
-    )
-    steps: int = declared(21, "landscape: grid points along each side, an odd number", 3, 9_999)
     directions: int = declared(10, "landscape: random directions, for its sharpness", 2, 10_000)
     sizes: str = declared(
         "128,256,512,1024,2048", "stability: numbers of points, three or more in ascending order"
@@ -58,8 +54,6 @@ class CaseStudySettings:
 
     def __post_init__(self) -> None:
         check_declared(self)
-        if self.steps % 2 == 0:
-            raise SettingsError(f"steps: got {self.steps}, expected an odd number")
         numbers = self.numbers_of_points
         if len(numbers) < 3 or min(numbers) < 2 or numbers != sorted(set(numbers)):
             raise SettingsError(

@@ -15,6 +15,7 @@ from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps
 from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import write_recording
@@ -36,7 +37,7 @@ def live_flows(street, settings):
         flows[job.triplet.current.stamp_ns] = estimate.flow
 
     pipeline = OnlinePipeline(settings, keep, lambda job, error: failures.append(error))
-    with street.open() as reader:
+    with BagReader(street.path) as reader:
         for sweep in recorded_sweeps(reader, street.points, "street", Settings().time, Findings()):
             pipeline.add_sweep(sweep, time.monotonic_ns())
             while pipeline.load:

@@ -60,13 +60,13 @@ def test_landscape_of_a_bowl_is_lowest_in_the_middle(network, tmp_path):
         tmp_path,
         EvaluationOptions(preset("paper"), seed=5),
         [],
-        case=CaseStudySettings(steps=5, directions=3),
+        case=CaseStudySettings(directions=3),
     )
     found = landscape(network, bowl(network), options)
-    square = found[found["kind"] == "square"]["loss_m"].to_numpy().reshape(5, 5)
-    assert square.argmin() == 12
-    assert square[2, 2] == pytest.approx(1.0)
-    np.testing.assert_allclose(square[2], square[2, ::-1], rtol=1e-4)
+    square = found[found["kind"] == "square"]["loss_m"].to_numpy().reshape(21, 21)
+    assert square.argmin() == 220
+    assert square[10, 10] == pytest.approx(1.0)
+    np.testing.assert_allclose(square[10], square[10, ::-1], rtol=1e-4)
     others = found[found["kind"] != "square"]
     assert others["kind"].nunique() == 3
     # A bowl rises with the square of the step.
