@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.errors import LibraryError, SettingsError
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import ComputeSettings
 
 if TYPE_CHECKING:
@@ -28,14 +28,9 @@ def compute_device(settings: ComputeSettings) -> torch.device:
 
     Raises:
         SettingsError: If CUDA is asked for and torch finds none.
-        LibraryError: If there is no torch.
     """
-    try:
-        import torch
-    except ImportError as error:
-        raise LibraryError(
-            f"this method needs PyTorch (torch), which cannot be used: {error}"
-        ) from error
+    import torch
+
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise SettingsError(
             "compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu"
@@ -49,7 +44,7 @@ def check_device(settings: ComputeSettings) -> None:
     """Checks that the device is there, if the settings ask for a certain one.
 
     Raises:
-        SettingsError: If CUDA is asked for and torch finds none, or there is no torch.
+        SettingsError: If CUDA is asked for and torch finds none.
     """
     if settings.device == "cuda":
         compute_device(settings)

@@ -133,13 +133,10 @@ class Diagnostics:
         self, snapshot: StatisticsSnapshot, state: InputState, limits: NodeSettings
     ) -> DiagnosticStatus:
         new, last_s = self._new, snapshot.last_s.get(SWEEPS_RECEIVED, -math.inf)
-        are_many_lost = new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED]
+        lost = f"clouds are lost in transport (see {SWEEPS_LOST})"
         level, message = _first(
-            (
-                new[SWEEPS_LOST],
-                _ERROR if are_many_lost else _WARN,
-                f"clouds are lost in transport (see {SWEEPS_LOST})",
-            ),
+            (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),
+            (new[SWEEPS_LOST], _WARN, lost),
             (new[CLOUDS_UNDECODABLE], _WARN, "clouds that cannot be decoded"),
             (new[CLOUDS_EMPTY], _WARN, "clouds without a finite point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
@@ -175,24 +172,16 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         limits, new, num_failed = settings.node, self._new, snapshot.failures_in_a_row
         idle_s = self._now_s - snapshot.last_s.get(FLOWS_OUT, -math.inf)
+        is_ill = self._now_s - self._well.time_s > limits.stale_after_s
+        is_slow = 0 < limits.max_latency_ms < snapshot.latency_ms(95)
+        failed = f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
+        slowness = f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)"
         level, message = _first(
-            (
-                num_failed > limits.max_failures,
-                _ERROR,
-                f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)",
-            ),
-            (
-                self._now_s - self._well.time_s > limits.stale_after_s,
-                _ERROR,
-                self._no_flow_text(),
-            ),
+            (num_failed > limits.max_failures, _ERROR, failed),
+            (is_ill, _ERROR, self._no_flow_text()),
             (num_failed, _WARN, "the last estimate failed"),
             (new[TRIPLETS_DROPPED], _WARN, self._overload_text()),
-            (
-                0 < limits.max_latency_ms < snapshot.latency_ms(95),
-                _WARN,
-                f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)",
-            ),
+            (is_slow, _WARN, slowness),
             (new[TRIPLETS_UNWATCHED], _OK, "resting: nobody subscribes to the flow"),
             (load > 0 or idle_s <= limits.stale_after_s, _OK, "estimating"),
             (new[SWEEPS_RECEIVED], _OK, "waiting for the third sweep"),
