@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
@@ -168,17 +169,13 @@ class Workbench:
 
     def field_schedule(self, done: float = 1.0) -> Schedule:
         """Schedule of one field, which ends at a share of the time budget."""
-        patience = self.settings.early_stopping.patience
-        return self._schedule(self.settings.optimization.max_iterations, patience, done)
-
-    def _schedule(self, max_iterations: int, patience: int, done: float) -> Schedule:
-        optimization = self.settings.optimization
+        optimization, stopping = self.settings.optimization, self.settings.early_stopping
         return Schedule(
-            max_iterations=max_iterations,
+            max_iterations=optimization.max_iterations,
             learning_rate=optimization.learning_rate,
             decay=optimization.decay,
-            patience=patience,
-            min_delta_m=self.settings.early_stopping.min_delta_m,
+            patience=stopping.patience,
+            min_delta_m=stopping.min_delta_m,
             deadline=self._started_s + done * (optimization.time_budget_ms / 1e3 or math.inf),
             cancelled=self._cancelled,
             records_steps=self.settings.compute.cuda_graphs,
@@ -237,7 +234,11 @@ class Workbench:
             return self.next.distance.mean(self.points + fusion(chosen))
 
         settings = self.settings.fusion
-        schedule = self._schedule(settings.max_iterations, settings.patience, 1.0)
+        schedule = replace(
+            self.field_schedule(),
+            max_iterations=settings.max_iterations,
+            patience=settings.patience,
+        )
         self.fit("fusion", fusion, loss_of, schedule)
         return self.flow("fusion", fusion, side_by_side)
 

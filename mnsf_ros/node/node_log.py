@@ -68,10 +68,6 @@ class FaultLog:
         """Warns of a fault, unless one of its kind was logged lately."""
         self._logger(kind).warning(f"{text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
 
-    def error(self, kind: str, text: str) -> None:
-        """Logs an error, unless one of its kind was logged lately."""
-        self._logger(kind).error(f"{text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
-
     def unexpected(self, what: str, error: Exception) -> None:
         """Logs an error that is a defect, with its traceback; one of ROS alone is one line."""
         frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
@@ -83,7 +79,8 @@ class FaultLog:
             text = f"unexpected error\n{details}"
         else:
             text = f"refused by ROS in {where}: {name}: {error}"
-        self.error(f"{where} {name}", f"{what}: {text}")
+        logger = self._logger(f"{where} {name}")
+        logger.error(f"{what}: {text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
 
     def _logger(self, kind: str) -> Logger:
         # rclpy throttles each line of a program, and each logger by itself.

@@ -13,11 +13,12 @@ def test_each_kind_of_fault_is_logged_once_at_first(ros, capfd):
     for number in range(100):
         faults.warn("undecodable", f"cloud {number}")
         faults.warn("empty", "no point")
-        faults.error("failed", "unexpected")
+        faults.unexpected("callback", ValueError("no time"))
     suffix = "(at most every 10 min, counted in /diagnostics)"
     lines = [line.split("[of_a_test]: ") for line in capfd.readouterr().err.splitlines()]
+    error = "callback: refused by ROS in : ValueError: no time"
     assert [text for _, text in lines] == [
-        f"{text} {suffix}" for text in ("cloud 0", "no point", "unexpected")
+        f"{text} {suffix}" for text in ("cloud 0", "no point", error)
     ]
     assert [start[1:6].strip("] ") for start, _ in lines] == ["WARN", "WARN", "ERROR"]
 
