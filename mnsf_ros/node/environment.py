@@ -8,7 +8,7 @@ import faulthandler
 import os
 import socket
 import sys
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Iterator, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -37,7 +37,6 @@ _M_MMAP_THRESHOLD: Final = -3
 # taken from the system and returned, which costs more than building and sending a cloud.
 _MMAP_BYTES: Final = 32 * 2**20
 _TRIM_BYTES: Final = 256 * 2**20
-_MALLOC_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")
 # Returning takes some 10 ms. Without it the heap grows for hours, by the memory that the threads of
 # the node happen to need at the same time.
 RETURN_PERIOD_S: Final = 30.0
@@ -78,13 +77,12 @@ def advice_on_lost_clouds() -> str:
     return " or ".join(ways)
 
 
-def keep_memory(environment: Mapping[str, str] = os.environ) -> None:
-    """Raises glibc's thresholds for returning memory, unless the user has set any."""
+def keep_memory() -> None:
+    """Raises the thresholds for returning memory, where the system has glibc."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is None or any(name in environment for name in _MALLOC_VARIABLES):
-        return
-    mallopt(_M_MMAP_THRESHOLD, _MMAP_BYTES)
-    mallopt(_M_TRIM_THRESHOLD, _TRIM_BYTES)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, _MMAP_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _TRIM_BYTES)
 
 
 def return_memory() -> None:

@@ -90,7 +90,7 @@ class NodeView(PageView):
         self._waiting: dict[int, dict[str, Any]] = {}  # parts by their stamp
         self._paths = Paths()
         self._shown: Scene | None = None
-        self._latency: Any = None  # the newest message
+        self._latency_ms: float | None = None
         self._is_there = True
         self._parameters_due_s = 0.0
 
@@ -133,7 +133,7 @@ class NodeView(PageView):
         self._forget()
         for part, msgtype in _PARTS.items():
             self._add(self._topics[part], msgtype, partial(self._receive_part, part))
-        self._add(f"{self._name}{_LATENCY[0]}", _LATENCY[1], partial(setattr, self, "_latency"))
+        self._add(f"{self._name}{_LATENCY[0]}", _LATENCY[1], self._receive_latency)
         self._add(f"{self._name}{_ANSWERS}", _STATUSES, self._receive_answer)
         self._add("/diagnostics", _STATUSES, self._receive_diagnostics)
 
@@ -192,6 +192,9 @@ class NodeView(PageView):
             lines = [f"{item.key}: {item.value}" for item in status.values]
             self._server.tell("reasons", lines=lines or [status.message])
 
+    def _receive_latency(self, message: Any) -> None:  # noqa: ANN401
+        self._latency_ms = float(message.data)
+
     def _receive_diagnostics(self, message: Any) -> None:  # noqa: ANN401
         own = [one for one in message.status if one.name.startswith(f"{self._name[1:]}: ")]
         if not own:
@@ -208,8 +211,7 @@ class NodeView(PageView):
             if one.level in _LEVELS
         ]
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
-        latency = None if self._latency is None else float(self._latency.data)
-        self._server.tell("status", latency=latency, values=values, warnings=warnings)
+        self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
 
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:

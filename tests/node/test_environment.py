@@ -145,7 +145,7 @@ def resident_mb():
 _RETURNED = """
 import numpy as np
 from mnsf_ros.node.environment import keep_memory, return_memory
-keep_memory({})
+keep_memory()
 before_mb = resident_mb()
 blocks = [np.ones(size, np.uint8) for size in (4_000_000, 40_000, 18_000_000) * 10]
 kept = blocks[1::3]
