@@ -223,7 +223,8 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
         raise OSError(f"{path.name!r} is not a regular file")
     if path.suffix == COMPRESSED:
         plain = Path(stack.enter_context(TemporaryDirectory()), path.stem)
-        _expand_file(path, plain)
+        with zstd.open(path, "rb") as content, plain.open("wb") as file:
+            shutil.copyfileobj(content, file)
         path = plain
     if path.suffix == MCAP:
         return McapFile(path)
@@ -231,28 +232,5 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
 
 
 def _expanded(raw: bytes) -> bytes:
-    """Returns a ROS 2 message, decompressed if it was compressed by itself.
-
-    Raises:
-        ValueError: It is damaged.
-    """
-    if not raw.startswith(_ZSTD_MAGIC):
-        return raw
-    try:
-        return zstd.decompress(raw)
-    except zstd.ZstdError as error:
-        raise ValueError(f"zstd data is damaged: {error}") from error
-
-
-def _expand_file(file: Path, target: Path) -> None:
-    """Decompresses a file that is compressed as a whole.
-
-    Raises:
-        ValueError: It is damaged.
-        OSError: It cannot be read, or there is no space left for its content.
-    """
-    try:
-        with zstd.open(file, "rb") as content, target.open("wb") as plain:
-            shutil.copyfileobj(content, plain)
-    except (zstd.ZstdError, EOFError) as error:
-        raise ValueError(f"zstd data is damaged: {error}") from error
+    """Returns a ROS 2 message, decompressed if it was compressed by itself."""
+    return zstd.decompress(raw) if raw.startswith(_ZSTD_MAGIC) else raw

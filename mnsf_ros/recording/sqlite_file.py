@@ -27,8 +27,8 @@ class SqliteFile(StorageFile):
         with _opened(path) as database:
             span = "SELECT min(timestamp), max(timestamp) FROM messages"
             ((first_ns, last_ns),) = database.execute(span)
-            self.first_ns = self.first_ns if first_ns is None else first_ns
-            self.last_ns = last_ns or 0
+            self.first_ns = self.first_ns if first_ns is None else int(first_ns)
+            self.last_ns = int(last_ns or 0)
             query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
             counts = dict(database.execute(query))
             for number, name, msgtype, encoding, profiles in _topics(database):
@@ -51,9 +51,7 @@ class SqliteFile(StorageFile):
         )
         with _opened(self.path) as database:
             for received_ns, data in database.execute(query, (*numbers, start_ns)):
-                if not (isinstance(received_ns, int) and isinstance(data, bytes)):
-                    raise ValueError("a message that is none")
-                yield received_ns, data
+                yield int(received_ns), data
 
 
 @contextmanager

@@ -90,6 +90,13 @@ def other_database(path):
     return path / "notes.db3"
 
 
+def without_times(path):
+    folder = tiny_bags.write_sqlite(path / "bag")
+    with contextlib.closing(sqlite3.connect(folder / "bag.db3")) as database:
+        database.executescript("UPDATE messages SET timestamp = 'now' WHERE id = 4")
+    return folder
+
+
 def pipe(path):
     """To open it would wait for ever."""
     os.mkfifo(path / "f.mcap")
@@ -106,6 +113,7 @@ def pipe(path):
         (lambda path: with_notes(path) / "notes.txt", "is not a recording; expected"),
         (without_messages, "holds no messages"),
         (other_database, "cannot be read: no such table"),
+        (without_times, "cannot be read: invalid literal for int"),
         (pipe, "'f.mcap' is not a regular file"),
     ],
 )
@@ -247,7 +255,7 @@ def test_damaged_message_that_was_compressed_by_itself_costs_nothing_else(tmp_pa
     [
         ("DELETE FROM messages WHERE id = 4", "promises 10 messages on '/points', 9 are", [3]),
         ("UPDATE messages SET topic_id = 7 WHERE id = 4", "that belong to no topic: 1", [3]),
-        ("UPDATE messages SET data = 'text' WHERE id = 9", "", [8, 9]),
+        ("UPDATE messages SET data = 'text' WHERE id = 9", "", [8]),
         ("UPDATE messages SET data = 123456789012 WHERE id = 10", "", [9]),
         ("UPDATE topics SET type = 'my_msgs/msg/Unknown'", "", ALL),
     ],
