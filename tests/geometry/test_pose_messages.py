@@ -38,8 +38,3 @@ def test_quaternion_of_another_length_is_refused_with_its_norm(length):
 def test_position_beyond_all_distances_is_refused(value):
     with pytest.raises(MessageError, match=r"position .* 1e"):
         pose_matrix(message(position=(0, value, 0)))
-
-
-def test_pose_that_is_no_rigid_motion_has_no_quaternion():
-    with pytest.raises(MessageError, match="no rigid motion"):
-        pose_quaternion(np.diag([1.0, 1, -1, 1]))
