@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros import simulation
-from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
@@ -78,7 +78,7 @@ def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     known = {box["track_id"]: box["cls"] for sweep in boxes.values() for box in sweep}
     class_id = np.zeros(len(tracks), np.uint8)
     for track_id, name in known.items():
-        class_id[tracks == track_id] = KITTI.get(name, UNKNOWN)
+        class_id[tracks == track_id] = KITTI.get(name, 0)
     return class_id
 
 

@@ -9,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import ARGOVERSE1, UNKNOWN
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 from mnsf_ros.sweeps_io.files import columns_of, numbered_files, read_json, reading, stacked
 
@@ -18,6 +17,13 @@ _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring"
 _PLY_TYPES: Final = {"uchar": "u1", "ushort": "<u2", "int": "<i4", "float": "<f4", "double": "<f8"}
 # The annotators' value for a fully occluded object.
 _OCCLUDED: Final = 100
+ARGOVERSE1: Final = classes_of(
+    car="VEHICLE",
+    pedestrian="PEDESTRIAN, STROLLER, WHEELCHAIR",
+    cyclist="BICYCLE, BICYCLIST, MOPED, MOTORCYCLE, MOTORCYCLIST",
+    large_vehicle="LARGE_VEHICLE, BUS, TRAILER, EMERGENCY_VEHICLE, SCHOOL_BUS",
+    obstacle="ON_ROAD_OBSTACLE",
+)
 
 
 def open_log(source: Path) -> SweepSource:
@@ -85,7 +91,7 @@ def _box(label: dict[str, Any]) -> Box:
             [rotation[axis] for axis in "wxyz"], [center[axis] for axis in "xyz"]
         ),
         size_m=np.array([label[side] for side in sides], np.float64),
-        class_id=ARGOVERSE1.get(name or "", UNKNOWN),
+        class_id=ARGOVERSE1.get(name or "", 0),
         track_id=label["track_label_uuid"],
         hidden=label.get("occlusion") == _OCCLUDED,
     )

@@ -6,15 +6,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import ARGOVERSE2, UNKNOWN
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps_io.files import (
     as_type,
     columns_of,
@@ -27,6 +27,29 @@ from mnsf_ros.sweeps_io.files import (
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
 _POSE: Final = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 _SIZE: Final = ("length_m", "width_m", "height_m")
+ARGOVERSE2: Final = classes_of(
+    car="REGULAR_VEHICLE",
+    pedestrian="OFFICIAL_SIGNALER, PEDESTRIAN, STROLLER, WHEELCHAIR",
+    cyclist="BICYCLE, BICYCLIST, MOTORCYCLE, MOTORCYCLIST, WHEELED_DEVICE, WHEELED_RIDER",
+    large_vehicle="ARTICULATED_BUS, BOX_TRUCK, BUS, LARGE_VEHICLE, RAILED_VEHICLE, SCHOOL_BUS, "
+    "TRUCK, TRUCK_CAB, VEHICULAR_TRAILER",
+    obstacle="BOLLARD, CONSTRUCTION_BARREL, CONSTRUCTION_CONE, MESSAGE_BOARD_TRAILER, "
+    "MOBILE_PEDESTRIAN_CROSSING_SIGN, SIGN, STOP_SIGN, TRAFFIC_LIGHT_TRAILER",
+    animal="ANIMAL, DOG",
+)
+_ARGOVERSE2_NAMES: Final = sorted(ARGOVERSE2)
+# The usual category of each class that has one.
+_ARGOVERSE2_NUMBERS: Final = {
+    SurfaceClass[surface]: 1 + _ARGOVERSE2_NAMES.index(name)
+    for surface, name in {
+        "CAR": "REGULAR_VEHICLE",
+        "PEDESTRIAN": "PEDESTRIAN",
+        "CYCLIST": "BICYCLIST",
+        "LARGE_VEHICLE": "LARGE_VEHICLE",
+        "OBSTACLE": "BOLLARD",
+        "ANIMAL": "ANIMAL",
+    }.items()
+}
 
 
 def open_log(source: Path) -> SweepSource:
@@ -78,7 +101,7 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
             box = Box(
                 pose=_poses(row),
                 size_m=np.array([row[name] for name in _SIZE], dtype=np.float64),
-                class_id=ARGOVERSE2.get(str(row["category"]), UNKNOWN),
+                class_id=ARGOVERSE2.get(str(row["category"]), 0),
                 track_id=str(row["track_uuid"]),
             )
         boxes[stamp_ns] += (box,)
@@ -88,3 +111,27 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
 def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     numbers = np.stack([columns[name] for name in _POSE], axis=-1)
     return poses_from_quaternions(numbers[..., :4], numbers[..., 4:])
+
+
+def argoverse2_numbers(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Returns a category number of Argoverse 2 for each class (N,), 0 for the background."""
+    table = np.zeros(256, dtype=np.uint8)
+    for surface, number in _ARGOVERSE2_NUMBERS.items():
+        table[surface] = number
+    return table[classes]
+
+
+def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
+    """Returns the class of each category number (N,) of Argoverse 2 flow labels.
+
+    0 is the background, 1 to 30 are the categories by alphabet.
+
+    Raises:
+        ValueError: A number is out of range.
+    """
+    table = np.array([0, *(ARGOVERSE2[name] for name in _ARGOVERSE2_NAMES)], dtype=np.uint8)
+    wrong = numbers[(numbers < 0) | (numbers >= len(table))]
+    if len(wrong):
+        raise ValueError(f"category number {wrong[0]}, expected 0 to {len(table) - 1}")
+    classes: NDArray[np.uint8] = table[numbers]
+    return classes

@@ -13,13 +13,18 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
 from mnsf_ros.sweeps_io.files import numbered_files, read_float_rows, read_lines, reading
 
 _EARTH_RADIUS_M: Final = 6_378_137.0
 _IMU_CALIBRATION: Final = "calib_imu_to_velo.txt"
+KITTI: Final = classes_of(
+    car="Car, Van",
+    pedestrian="Pedestrian, Person (sitting)",
+    cyclist="Cyclist",
+    large_vehicle="Truck, Tram",
+)
 
 
 def open_drive(source: Path) -> SweepSource:
@@ -143,7 +148,7 @@ def _boxes_of(
 ) -> Iterator[tuple[int, Box]]:
     length, width, height = _numbers(tracklet, *"lwh")
     size = np.array([length, width, height])
-    class_id = KITTI.get(tracklet.findtext("objectType", ""), UNKNOWN)
+    class_id = KITTI.get(tracklet.findtext("objectType", ""), 0)
     (first,) = _numbers(tracklet, "first_frame")
     for number, pose in enumerate(tracklet.findall("poses/item"), start=int(first)):
         with reading(path, f"sweep {number}"):

@@ -13,10 +13,20 @@ from numpy.typing import NDArray
 
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, is_rigid
+from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Beyond the range of any lidar: the number of a damaged file.
 _FARTHEST_M: Final = 1e6
 _MASKS: Final = ("flow_valid", "dynamic", "class_id", "labelled", "ground", "own_vehicle")
+
+
+def classes_of(**names: str) -> dict[str, int]:
+    """Returns category to class, for texts with the categories of each class; 0 is unknown."""
+    return {
+        name: int(SurfaceClass[surface.upper()])
+        for surface, listed in names.items()
+        for name in listed.split(", ")
+    }
 
 
 @dataclass(frozen=True, eq=False)

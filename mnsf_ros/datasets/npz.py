@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 from mnsf_ros.sweeps_io.files import (
@@ -79,7 +79,7 @@ def _box(row: Mapping[str, Any]) -> Box:
     return Box(
         pose=planar_pose(x, y, row["yaw"], z),
         size_m=np.asarray(row["size"], dtype=np.float64),
-        class_id=KITTI.get(row["cls"], UNKNOWN),
+        class_id=KITTI.get(row["cls"], 0),
         track_id=row["track_id"],
     )
 

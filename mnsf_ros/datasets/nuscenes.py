@@ -13,8 +13,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import nuscenes_class
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
     FloatArray,
@@ -31,6 +30,20 @@ _BETWEEN: Final = re.compile(r"[\s,]*")
 # (y), are returns of the vehicle itself. The same as in OpenSceneFlow.
 _OWN_X_M: Final = 1.730 / 2
 _OWN_Y_M: Final = 4.084 / 2
+# Prefixes of categories; the first that fits counts.
+_NUSCENES: Final = classes_of(
+    cyclist="vehicle.bicycle, vehicle.motorcycle",
+    car="vehicle.car",
+    large_vehicle="vehicle.",
+    pedestrian="human.",
+    obstacle="movable_object., static_object.",
+    animal="animal",
+)
+
+
+def nuscenes_class(name: str) -> int:
+    """Returns the class of a nuScenes category, 0 if unknown."""
+    return next((kind for prefix, kind in _NUSCENES.items() if name.startswith(prefix)), 0)
 
 
 def _json_rows(path: Path) -> Iterator[Any]:

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from mnsf_ros.datasets.argoverse2 import argoverse2_classes
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import argoverse2_classes
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.sweeps_io.files import as_type, reading

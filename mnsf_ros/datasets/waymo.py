@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps_io.files import as_type, check_columns, choose, files_in, reading
 
 _STAMP: Final = "key.frame_timestamp_micros"
@@ -28,6 +28,12 @@ _POSES: Final = "[LiDARPoseComponent].range_image_return1"
 _CALIBRATION: Final = "[LiDARCalibrationComponent]"
 _VEHICLE: Final = "[VehiclePoseComponent].world_from_vehicle.transform"
 _BOX: Final = "[LiDARBoxComponent]"
+WAYMO: Final = {
+    1: int(SurfaceClass.CAR),
+    2: int(SurfaceClass.PEDESTRIAN),
+    3: int(SurfaceClass.OBSTACLE),
+    4: int(SurfaceClass.CYCLIST),
+}
 
 
 class _Laser(NamedTuple):
@@ -187,5 +193,5 @@ def _read_boxes(path: Path) -> Mapping[int, tuple[Box, ...]]:
     for micros, track_id, heading, kind, x, y, z, *size in _rows(path, columns):
         with reading(path, f"frame {micros}"):
             pose, size_m = planar_pose(x, y, heading, z), np.array(size, dtype=np.float64)
-            boxes[micros] += (Box(pose, size_m, WAYMO.get(kind, UNKNOWN), track_id),)
+            boxes[micros] += (Box(pose, size_m, WAYMO.get(kind, 0), track_id),)
     return boxes

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.argoverse2 import argoverse2_numbers
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import array_of, group_of, h5_file, nanoseconds, sweep_keys
-from mnsf_ros.datasets.surface_classes import argoverse2_numbers
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps_io.files import new_file, reading

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 import tiny_world
 
+from mnsf_ros.datasets.argoverse1 import ARGOVERSE1
+from mnsf_ros.datasets.argoverse2 import ARGOVERSE2, argoverse2_classes
+from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
+from mnsf_ros.datasets.nuscenes import nuscenes_class
 from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
-from mnsf_ros.datasets.surface_classes import (
-    ARGOVERSE1,
-    ARGOVERSE2,
-    KITTI,
-    WAYMO,
-    argoverse2_classes,
-    nuscenes_class,
-)
+from mnsf_ros.datasets.waymo import WAYMO
 
 SETTINGS = TruthSettings()
 
