@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.datasets.argoverse2_submission import submission
+from mnsf_ros.datasets.argoverse2 import submission
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
-from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
+from mnsf_ros.datasets.open_scene_flow import open_scene_flow_writer
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
