@@ -75,7 +75,8 @@ class Arguments:
         """
         known = {one.name: one for one in settings_of(group)}
         for setting in [known[name] for name in names or known]:
-            metavar = setting.unit.upper() or _METAVARS[setting.kind]
+            choices = "|".join(setting.choices)
+            metavar = choices or setting.unit.upper() or _METAVARS[setting.kind]
             name = f"--{setting.name.replace('_', '-')} {metavar}"
             self.value(name, setting.text, default=defaults.get(setting.name, setting.default))
 

@@ -23,7 +23,7 @@ from mnsf_ros.evaluation.metrics import (
     end_point_errors,
     errors_by_band,
 )
-from mnsf_ros.evaluation.movers import MoverRow, ObjectRow, TrueMotion, mover_row
+from mnsf_ros.evaluation.movers import MoverRow, TrueMotion, mover_row
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
@@ -92,12 +92,6 @@ class ResultRow:
         if errors is not None and errors.num_points > 0:
             return errors.epe_m
         return self.consistency.get("nearest_m", math.nan)
-
-    @property
-    def missed_movers(self) -> list[ObjectRow]:
-        """True movers that were not found."""
-        objects = [] if self.movers is None else self.movers.objects
-        return [item for item in objects if item.moves and not item.is_found]
 
     @property
     def is_dropped(self) -> bool:

@@ -227,8 +227,9 @@ def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:
     """Returns the movers that a method missed most often, each in its sweep with most points."""
     missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
     for row in rows:
-        for item in row.missed_movers if row.method == method else ():
-            missed.setdefault((row.recording, item.object_id), []).append((row, item))
+        for item in row.movers.objects if row.movers and row.method == method else ():
+            if item.moves and not item.is_found:
+                missed.setdefault((row.recording, item.object_id), []).append((row, item))
     header = ("mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by")
     cells = []
     for sweeps in sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]:
