@@ -138,7 +138,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
                     given_up.append(f"gave up {_title(task)}: {event.failure}")
         finally:
             # Also after Ctrl-C: what is finished is worth a table.
-            is_complete = folder.has_results and _conclude(folder, console)
+            is_complete = _conclude(folder, console)
     for text in given_up:
         console.warn(text)
     return is_complete and not given_up

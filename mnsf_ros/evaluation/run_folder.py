@@ -1,9 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-r"""The folder of a run: `run.json` (its record), `rows.jsonl` and `tasks.jsonl` (its results).
+r"""The folder of a run: `run.json` (its record) and `rows.jsonl` (its results, one row per line).
 
-`rows.jsonl` has one row per line, `tasks.jsonl` one line per finished task with its number of rows.
-Both only grow while a run lasts, so that an interruption costs nothing but the line being written.
-A task is finished if it has its line and all of its rows.
+Rows are added while a run lasts, so that an interruption costs nothing but the line being written.
+A task is finished if the record says so and all of its rows are there.
 
 All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
 written as `\udcff`, which is read back from JSON as it was. Numbers that are not finite are `null`.
@@ -15,7 +14,7 @@ import json
 import math
 import os
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
@@ -35,7 +34,6 @@ from mnsf_ros.settings import Settings
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
-TASKS_FILE: Final = "tasks.jsonl"
 _MAX_SHOWN: Final = 80
 
 Kind = TypeVar("Kind")
@@ -57,7 +55,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
+        self._rows = path / ROWS_FILE
 
     def begin(self, record: RunRecord, *, resume: bool) -> list[EvaluationTask]:
         """Writes the record of the run; returns the tasks that are left to do.
@@ -70,23 +68,21 @@ class RunFolder:
                 run with other settings or another recording of the same name.
         """
         check_folder(self.path, resume=resume)
-        whole = record
+        whole, rows = record, list[ResultRow]()
         if _holds_something(self.path):
-            whole = record.resuming(self.read_record(), self.path)
+            before, rows = self.read()
+            whole = record.resuming(before, self.path)
         with _writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        rows = self.rows()
-        finished = self.finished(rows)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
+        finished = {task.key for task in whole.finished}
         left = [task for task in tasks if task.key not in finished]
         again = {task.key for task in left if record.options.is_indivisible(task.method)}
         rows = [row for row in rows if row.task not in again]
-        if self.has_results:
+        if self._rows.exists():
             # Without the line that was being written when a process was killed.
             replace_file(self._rows, "".join(f"{to_json(row)}\n" for row in rows))
-            lines = (f"{to_json(task)}\n" for task in finished.values())
-            replace_file(self._tasks, "".join(lines))
-        replace_file(self.path / RUN_FILE, f"{to_json(whole, indent=2)}\n")
+        self._write(whole)
         known: dict[TaskKey, set[int]] = defaultdict(set)
         for row in rows:
             known[row.task].add(row.number)
@@ -95,36 +91,38 @@ class RunFolder:
     def take(self, event: TaskEvent) -> None:
         """Writes down an event of a task."""
         if isinstance(event, ResultRow):
-            _append_line(self._rows, event)
+            line = to_json(event)
+            with _writing(self._rows), self._rows.open("ab") as stream:
+                stream.write(f"{line}\n".encode("utf-8", "backslashreplace"))
         elif isinstance(event, FinishedTask) and event.failure is None:
-            _append_line(self._tasks, event)
+            self._write(replace(self._record, finished=[*self._record.finished, event]))
         elif isinstance(event, Picture):
             file = self.path / event.file
             with _writing(file):
                 file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(file, event.image)
 
-    @property
-    def has_results(self) -> bool:
-        """Whether anything was done yet."""
-        return self._rows.exists() or self._tasks.exists()
+    def read(self) -> tuple[RunRecord, list[ResultRow]]:
+        """Returns the record of the run, and the rows in the order in which they got ready.
 
-    def rows(self) -> list[ResultRow]:
-        """Returns the rows, in the order in which they got ready."""
-        return list(_read_lines(self._rows, ResultRow))
-
-    def finished(self, rows: Sequence[ResultRow]) -> dict[TaskKey, FinishedTask]:
-        """Returns the tasks that are finished, with all of their `rows`."""
-        counts = Counter(row.task for row in rows)
-        tasks = {(one.recording, one.method): one for one in _read_lines(self._tasks, FinishedTask)}
-        return {key: one for key, one in tasks.items() if counts[key] == one.num_examples}
-
-    def read_record(self) -> RunRecord:
-        """Returns the record of the run."""
+        Tasks that have lost a row are not finished.
+        """
         file = self.path / RUN_FILE
         if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
-        return from_json(_text_of(file), RunRecord, str(file))
+        record = from_json(_text_of(file), RunRecord, str(file))
+        *lines, _ = _text_of(self._rows).split("\n")
+        rows = [
+            from_json(line, ResultRow, f"{self._rows}, line {number}")
+            for number, line in enumerate(lines, 1)
+        ]
+        counts = Counter(row.task for row in rows)
+        finished = [one for one in record.finished if counts[one.key] == one.num_examples]
+        return replace(record, finished=finished), rows
+
+    def _write(self, record: RunRecord) -> None:
+        self._record = record
+        replace_file(self.path / RUN_FILE, f"{to_json(record, indent=2)}\n")
 
 
 def check_folder(out: Path, *, resume: bool) -> None:
@@ -179,12 +177,6 @@ def from_json(text: str, kind: type[Kind], place: str) -> Kind:
         raise EvaluationError(f"{place}: cannot be read ({reason}): {shown!r}") from error
 
 
-def _append_line(file: Path, value: object) -> None:
-    line = to_json(value)
-    with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
-        stream.write(f"{line}\n")
-
-
 def _holds_something(out: Path) -> bool:
     """Whether there is more in a folder than drafts."""
     return out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir())
@@ -197,13 +189,6 @@ def _writing(file: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StoppedError(f"{file}: cannot be written: {error.strerror or error}") from error
-
-
-def _read_lines(file: Path, kind: type[Kind]) -> Iterator[Kind]:
-    """The typed objects of a file, one of each complete line; none if there is no file."""
-    *lines, _ = _text_of(file).split("\n")
-    for number, line in enumerate(lines, 1):
-        yield from_json(line, kind, f"{file}, line {number}")
 
 
 def _text_of(file: Path) -> str:

@@ -10,7 +10,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,7 @@ from mnsf_ros import __version__
 from mnsf_ros.errors import EvaluationError, plain_text
 from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.evaluation.task import FinishedTask
 from mnsf_ros.presets import UsedSettings, used_settings
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
@@ -58,12 +59,14 @@ class RunRecord:
         methods: Its methods, in the order of the tables.
         recordings: Its recordings.
         sessions: Facts of its starts, at least one, see `session_now`.
+        finished: The tasks that are finished.
     """
 
     options: EvaluationOptions
     methods: list[EvaluatedMethod]
     recordings: list[EvaluatedRecording]
     sessions: list[Session]
+    finished: list[FinishedTask] = field(default_factory=list)
 
     @property
     def method_names(self) -> list[str]:
@@ -99,6 +102,7 @@ class RunRecord:
             methods=list({one.name: one for one in (*before.methods, *self.methods)}.values()),
             recordings=list(recordings.values()),
             sessions=[*before.sessions, *self.sessions],
+            finished=before.finished,
         )
 
 

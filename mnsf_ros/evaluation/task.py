@@ -14,7 +14,7 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
-from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
@@ -44,6 +44,11 @@ class FinishedTask:
     counts: dict[str, int] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
     failure: str | None = None
+
+    @property
+    def key(self) -> TaskKey:
+        """Name of the recording and of the method."""
+        return self.recording, self.method
 
 
 TaskEvent = ResultRow | Picture | FinishedTask

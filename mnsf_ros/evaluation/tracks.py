@@ -34,7 +34,7 @@ _MAX_DAMAGES: Final = 100
 
 
 class Event(str, Enum):
-    """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it.
+    """An event that is counted while a recording is read, as `run.json` and notes name it.
 
     Those of an `Arrival` have its name.
     """

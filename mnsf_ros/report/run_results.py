@@ -19,7 +19,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.summary import row_table, summary_of
-from mnsf_ros.evaluation.task import FinishedTask
 from mnsf_ros.report.tables import further_tables, main_tables
 from mnsf_ros.report.text_table import TextTable
 
@@ -47,13 +46,11 @@ class RunResults:
         record: What was run.
         table: A line for each example and method, by recording and sweep, see
             `summary.row_table`.
-        finished: The tasks that are finished.
         focus: The method whose worst sweeps are shown; empty if there is none.
     """
 
     record: RunRecord
     table: pd.DataFrame
-    finished: Sequence[FinishedTask]
     focus: str
 
     @cached_property
@@ -86,7 +83,7 @@ class RunResults:
     @cached_property
     def notes(self) -> list[Note]:
         """Limits of the figures."""
-        return _notes_of(self.record, self.finished, list(self.table["row"]))
+        return _notes_of(self.record, list(self.table["row"]))
 
     @property
     def worst(self) -> pd.DataFrame:
@@ -108,20 +105,19 @@ def read_results(folder: RunFolder, focus: str | None = None) -> RunResults:
     Raises:
         EvaluationError: There is no run, or its files are damaged, or it has no such method.
     """
-    record, rows = folder.read_record(), folder.rows()
+    record, rows = folder.read()
     if focus is not None and focus not in record.method_names:
         known = ", ".join(record.method_names)
         raise EvaluationError(f"{folder.path}: has no method {focus!r}; it has {known}")
-    return results_of(record, rows, folder.finished(rows).values(), focus)
+    return results_of(record, rows, focus)
 
 
 def results_of(
     record: RunRecord,
     rows: Iterable[ResultRow],
-    finished: Iterable[FinishedTask] = (),
     focus: str | None = None,
 ) -> RunResults:
-    """Returns the results of a run, from its rows in any order and its finished tasks.
+    """Returns the results of a run, from its rows in any order.
 
     The worst sweeps are those of the `focus`, else of the first method that is no reference, if one
     has a flow of the first of those.
@@ -132,7 +128,7 @@ def results_of(
         rivals = [name for name in names if name not in record.references] or names
         answered = {row.method for row in rows if row.failure is None}
         focus = next((name for name in rivals if name in answered), next(iter(rivals), ""))
-    return RunResults(record, row_table(rows), list(finished), focus)
+    return RunResults(record, row_table(rows), focus)
 
 
 def _protocol_text(run: RunRecord, summary: pd.DataFrame) -> list[str]:
@@ -174,20 +170,20 @@ def _settings_text(run: RunRecord, names: Sequence[str]) -> str:
     return "Settings: " + "; ".join(f"{', '.join(m)}: {text}" for text, m in methods.items()) + "."
 
 
-def _notes_of(
-    run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow] = ()
-) -> list[Note]:
+def _notes_of(run: RunRecord, rows: Sequence[ResultRow]) -> list[Note]:
     """Returns the limits of the figures of a run, the incomplete recordings first."""
-    damages = chain(*(one.damages for one in run.recordings), *(one.damages for one in finished))
+    damages = chain(
+        *(one.damages for one in run.recordings), *(one.damages for one in run.finished)
+    )
     found = [
-        *_unfinished(run, finished, rows),
+        *_unfinished(run, rows),
         *(Note(f"Damage: {damage}", is_incomplete=True) for damage in damages),
-        *_without_example(run, finished),
+        *_without_example(run),
         *_failures(rows),
         *_recordings_without(run, rows),
         *(
             Note(f"{task.recording}: {event}: {count:,}.")
-            for task in finished
+            for task in run.finished
             for event, count in task.counts.items()
         ),
     ]
@@ -195,11 +191,9 @@ def _notes_of(
     return sorted(dict.fromkeys(found), key=lambda note: not note.is_incomplete)
 
 
-def _unfinished(
-    run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow]
-) -> Iterator[Note]:
-    ended = {(one.recording, one.method) for one in finished}
-    count = Counter((row.recording, row.method) for row in rows)
+def _unfinished(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:
+    ended = {one.key for one in run.finished}
+    count = Counter(row.task for row in rows)
     for key in product([one.name for one in run.recordings], run.method_names):
         if key not in ended:
             recording, method = key
@@ -207,9 +201,9 @@ def _unfinished(
             yield Note(f"Unfinished: {text}; continue with --resume.", is_incomplete=True)
 
 
-def _without_example(run: RunRecord, finished: Sequence[FinishedTask]) -> Iterator[Note]:
+def _without_example(run: RunRecord) -> Iterator[Note]:
     num_sweeps = {one.name: one.num_sweeps for one in run.recordings}
-    for task in finished:
+    for task in run.finished:
         if task.num_examples == 0:
             there = num_sweeps[task.recording]
             needed = num_sweeps_needed(run.options, there)

@@ -69,7 +69,7 @@ def test_bag_in_table_and_report_out(bag, tmp_path, mnsf):
     assert ended.status == COMPLETE
     for text in ("EPE (m)", "mean over 4 examples", "Report: ", "ego on drive: done, examples: 4"):
         assert text in ended.out
-    files = ("run.json", "tasks.jsonl", "results.md", "results.csv", "report.html")
+    files = ("run.json", "results.md", "results.csv", "report.html")
     assert all((out / name).exists() for name in files)
     assert [row["method"] for row in rows_in(out)] == ["zero"] * 4 + ["ego"] * 4 + ["fnsf"] * 4
     assert "data:image/png" in (out / "report.html").read_text()

@@ -78,7 +78,7 @@ def test_run_json_tells_what_is_run(tmp_path, recording):
     recording = replace(recording, path=os.fsdecode(b"bad\xff"))
     folder, _ = begin(tmp_path / "new" / "out", recording, options)
     (folder.path / "run.json").read_text(encoding="utf-8")
-    run = folder.read_record()
+    run, _ = folder.read()
     assert run.options == options
     assert run.options.settings.compute.seed == 4
     assert (run.method_names, run.references) == (["ego"], {"ego"})
@@ -125,7 +125,7 @@ def test_other_topics_are_refused_and_a_recording_that_moved_is_not(tmp_path):
         begin(out, replace(recording, truth=None), resume=True)
     moved = bag.rename(tmp_path / "drive")
     folder, _ = begin(out, small.recording_at(moved), resume=True)
-    (known,) = folder.read_record().recordings
+    (known,) = folder.read()[0].recordings
     assert known.path == str(moved)
 
 
@@ -154,24 +154,23 @@ def done_run(out, recording, num_rows=2):
     record = RunRecord(small.options(), small.methods_of(["ego"]), [recording], [small.SESSION])
     folder = RunFolder(out)
     folder.begin(record, resume=False)
-    assert not folder.has_results
     for number in range(num_rows):
         folder.take(full_row(number, "ego"))
-        assert [row.number for row in folder.rows()] == list(range(number + 1))
+        assert [row.number for row in folder.read()[1]] == list(range(number + 1))
     folder.take(FinishedTask("drive", "ego", num_rows, {Event.GAP.value: 6}))
     return folder
 
 
 def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
     folder = done_run(tmp_path / "out", recording)
-    known = folder.finished(folder.rows())["drive", "ego"]
+    (known,) = folder.read()[0].finished
     assert (known.num_examples, known.counts) == (2, {Event.GAP.value: 6})
     assert begin(folder.path, recording, resume=True)[1] == []
     rows = folder.path / "rows.jsonl"
     first, second = rows.read_text().splitlines(keepends=True)
     for text, skipped in ((first, {0}), (first + second[:-40], {0}), ("", set())):
         rows.write_text(text)
-        assert folder.finished(folder.rows()) == {}
+        assert folder.read()[0].finished == []
         (task,) = begin(folder.path, recording, resume=True)[1]
         assert task.skipped == skipped
         # A line that was being written when a process was killed is gone.
@@ -187,7 +186,6 @@ def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
         ("rows.jsonl", "\n"),
         ("rows.jsonl", '{"colour": 1}\n'),
         ("rows.jsonl", f'{{"recording": {"[" * 200_000}{"]" * 200_000}}}\n'),
-        ("tasks.jsonl", "{}\n"),
         ("run.json", "{}"),
         ("run.json", None),
         ("rows.jsonl", None),

@@ -59,7 +59,7 @@ def files(folder):
 
 
 def worst_of(folder, method):
-    rows = [row for row in folder.rows() if row.method == method]
+    rows = [row for row in folder.read()[1] if row.method == method]
     return [row.number for row in sorted(rows, key=lambda row: -row.badness_m)]
 
 
@@ -98,6 +98,6 @@ def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path
 def test_pictures_that_cannot_be_drawn_cost_no_results(street, tmp_path, monkeypatch):
     monkeypatch.setattr("mnsf_ros.evaluation.pictures.frame", lambda *_: 1 / 0)
     folder = evaluate(street, tmp_path / "run", methods=["online"], pictures=1)
-    rows = folder.rows()
-    assert (len(rows), len(folder.finished(rows))) == (3, 1)
+    record, rows = folder.read()
+    assert (len(rows), len(record.finished)) == (3, 1)
     assert "data:image" not in report_of(folder)

@@ -18,13 +18,13 @@ FINISHED = [FinishedTask("street", method, 4) for method in METHODS]
 
 
 def protocol(rows, record):
-    return " ".join(results_of(record, rows, FINISHED).protocol)
+    return " ".join(results_of(record, rows).protocol)
 
 
 def notes(rows=(), finished=FINISHED, **record):
     """Texts of the notes, those of what is incomplete and the others."""
     record = {"methods": METHODS, "recordings": [recording(has_checksums=True)], **record}
-    found = results_of(run_record(**record), rows, finished).notes
+    found = results_of(run_record(**record, finished=finished), rows).notes
     parts = (
         [note.text for note in found if note.is_incomplete is is_so] for is_so in (True, False)
     )

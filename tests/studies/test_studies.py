@@ -99,13 +99,13 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     said = []
     options = replace(options, say=said.append)
     run_study("fusion", options)
-    num_rows = len(list(RunFolder(options.out / "evaluation").rows()))
+    num_rows = len(RunFolder(options.out / "evaluation").read()[1])
     assert num_rows == 2 * 4
     assert said[-1].startswith("8: mnsf+fusion.kind=mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
-    assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
+    assert len(RunFolder(options.out / "evaluation").read()[1]) == num_rows
     others = replace(options.evaluation, max_examples=0)
     with pytest.raises(MnsfError, match="max_examples"):
         run_study("fusion", replace(options, resume=True, evaluation=others))
