@@ -12,15 +12,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config, event
+from numba.core import config
 
 _LOG = logging.getLogger(__name__)
-# Numba's event of a compilation; machine code from the cache causes none.
-_COMPILING: Final = "numba:compile"
-
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -48,6 +45,8 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
         for signature in signatures:
             dispatcher.compile(signature)
         dispatcher.disable_compile()
+        if dispatcher.stats.cache_misses:
+            _announce()
         return cast(Function, dispatcher)
 
     return compile_
@@ -90,18 +89,9 @@ def _take_installed(function: Callable[..., object], cache: Path) -> None:
                 draft.replace(cache / file.name)
 
 
-class _FirstCompilation(event.Listener):
-    """Announces once that this start takes longer, before the first compilation."""
-
-    def on_start(self, _event: event.Event) -> None:
-        """Logs the line."""
-        _LOG.warning(
-            "loops are compiled for this computer, about a second each; later starts load them"
-        )
-        event.unregister(_COMPILING, self)  # type: ignore[no-untyped-call]
-
-    def on_end(self, _event: event.Event) -> None:
-        """Logs nothing."""
-
-
-event.register(_COMPILING, _FirstCompilation())  # type: ignore[no-untyped-call]
+@functools.cache
+def _announce() -> None:
+    """Tells once that this start takes longer."""
+    _LOG.warning(
+        "loops are compiled for this computer, about a second each; later starts load them"
+    )

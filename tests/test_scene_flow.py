@@ -70,12 +70,6 @@ def test_form_of_the_arrays_does_not_matter_and_they_are_not_written_to(scene, s
         np.testing.assert_array_equal(flow, expected)
 
 
-def test_calls_do_not_depend_on_each_other(scene, make_scene, settings):
-    first = estimate(scene, settings).flow
-    estimate(make_scene(seed=5), settings)
-    np.testing.assert_array_equal(estimate(scene, settings).flow, first)
-
-
 def refused(text, settings=SHORT, **sweeps):
     with pytest.raises(SweepError, match=f"^{re.escape(text)}"):
         estimate_flow(**sweeps, settings=settings)

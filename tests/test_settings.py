@@ -114,13 +114,6 @@ def test_values_that_contradict_each_other(values, text):
         Settings().changed(values)
 
 
-def test_only_the_outcome_must_agree_not_the_steps_to_it():
-    far = {"crop.min_range_m": 100, "crop.max_range_m": 200}
-    for values in (far, dict(reversed(far.items()))):
-        crop = Settings().changed(values).crop
-        assert (crop.min_range_m, crop.max_range_m) == (100, 200)
-
-
 def test_change_makes_a_new_object_and_leaves_the_old_one_alone():
     old = Settings()
     new = old.changed({"crop.max_range_m": 50, "fusion.kind": "mean"})

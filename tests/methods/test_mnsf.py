@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods import make_method
@@ -75,17 +74,6 @@ def test_preset_finds_the_flow(scene, triplet, device, name, num_sweeps):
     assert list(result.fits) == ["forward", "backward", "fusion"][: 2 * num_sweeps - 3]
     assert result.device == device.type
     assert result.distance_kind == {"online": "tree", "paper": "grid"}[name]
-
-
-def test_precision_that_is_asked_for(monkeypatch, triplet):
-    # Slow or not, any processor can compute in bfloat16.
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": True}, raising=False)
-    near = SHORT.changed({"compute.precision": "bfloat16"})
-    results = [estimate(triplet, settings) for settings in (SHORT, near, near)]
-    assert [result.precision for result in results] == ["float32", "bfloat16", "bfloat16"]
-    flow, rounded, again = (result.flow for result in results)
-    assert 0 < np.abs(rounded - flow).mean() < 0.05
-    assert np.array_equal(rounded, again)
 
 
 def test_unequal_intervals(make_scene):
