@@ -22,8 +22,8 @@ from mnsf_ros.online.online_pipeline import (
     SWEEPS_RECEIVED,
     TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
+    StatisticsSnapshot,
 )
-from mnsf_ros.online.online_statistics import StatisticsSnapshot
 from mnsf_ros.settings import NodeSettings, Settings
 from mnsf_ros.sweeps.sweep import Start
 

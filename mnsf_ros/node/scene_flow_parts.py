@@ -23,8 +23,7 @@ from mnsf_ros.node.parameters import (
 from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
-from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
-from mnsf_ros.online.online_statistics import OnlineStatistics
+from mnsf_ros.online.online_pipeline import OnlinePipeline, OnlineStatistics, TripletJob
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival

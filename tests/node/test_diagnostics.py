@@ -18,8 +18,8 @@ from mnsf_ros.core.flow_estimate import (
 )
 from mnsf_ros.node import diagnostics
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
-from mnsf_ros.online import online_statistics
-from mnsf_ros.online.online_statistics import OnlineStatistics
+from mnsf_ros.online import online_pipeline
+from mnsf_ros.online.online_pipeline import OnlineStatistics
 from mnsf_ros.settings import Settings
 
 OK, WARN, ERROR, STALE = (
@@ -96,7 +96,7 @@ class Story:
 def story(monkeypatch):
     story = Story()
     clock = SimpleNamespace(monotonic=lambda: story.now_s)
-    for module in (diagnostics, online_statistics):
+    for module in (diagnostics, online_pipeline):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(diagnostics.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
     monkeypatch.setattr(diagnostics.os, "cpu_count", lambda: 2)
