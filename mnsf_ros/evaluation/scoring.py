@@ -55,7 +55,6 @@ class ResultRow:
             sweep), zero_nearest_m (the same for zero flow).
         latency_ms: From the arrival of the next sweep to the flow, in real time; else NaN.
         start: Source of the start weights (warm or cold); empty if the method has none.
-        device: `cpu` or `cuda`; empty without a flow.
         failure: Reason for a missing flow in one line; None if there is one.
         movers: Score of the movers, with truth, of methods that detect them; else None.
     """
@@ -76,7 +75,6 @@ class ResultRow:
     consistency: dict[str, float] = field(default_factory=dict)
     latency_ms: float = float("nan")
     start: str = ""
-    device: str = ""
     failure: str | None = None
     movers: MoverRow | None = None
 
@@ -142,7 +140,6 @@ def scored_row(
         stop_reasons=estimate.stop_reasons,
         iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
         start=estimate.start.value if estimate.fits or estimate.over_ground else "",
-        device=estimate.device,
     )
     answered = _answered(example, estimate)
     looked_at = answered & example.scored

@@ -16,7 +16,7 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import missed_table, worst_table
+from mnsf_ros.report.tables import missed_table
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 REPORT_FILE: Final = "report.html"
@@ -48,15 +48,11 @@ def write_report(folder: RunFolder, results: RunResults) -> Path:
         (recordings[row.recording], worst_name(row.number), _worst_text(row))
         for row in results.worst["row"]
     )
-    tables = (
-        worst_table(results.worst, results.focus),
-        missed_table(results.table["row"], results.focus),
-    )
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         results=results,
         animation=next(_images(folder.path, results.focus, first), None),
-        worst_tables=[table for table in tables if table.rows],
+        missed=missed_table(results.table["row"], results.focus),
         pictures=list(_images(folder.path, results.focus, worst)),
     )
     path = folder.path / REPORT_FILE

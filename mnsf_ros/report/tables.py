@@ -88,14 +88,6 @@ _CONSISTENCY: Final = {
 }
 _THREE_WAY: Final = {name: Column(name, 4, "min") for name in (*THREE_WAY, "mean")}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
-_WORST: Final = {
-    "num_points": Column("points", None),
-    "errors.all.epe_m": Column("EPE (m)"),
-    "errors.all.acc5": _percent("Acc5"),
-    "errors.dynamic.epe_m": Column("dynamic EPE (m)"),
-    "consistency.nearest_m": Column("to next sweep (m)"),
-    "time_ms": _TIME._replace(better=None),
-}
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
@@ -212,15 +204,6 @@ def bin_names(limits: Sequence[str]) -> list[str]:
     lows = ["0", *limits]
     pairs = zip(lows, limits, strict=False)
     return [f"{low}+" if high == "inf" else f"{low}\N{EN DASH}{high}" for low, high in pairs]
-
-
-def worst_table(worst: pd.DataFrame, method: str) -> TextTable:
-    """Returns the figures of the worst sweeps of a method, from its rows in that order."""
-    listed = worst[:_NUM_LISTED]
-    names = [f"{row.recording}, sweep {row.number}" for row in listed["row"]]
-    columns = {name: one for name, one in _WORST.items() if name in worst}
-    title = f"The worst {len(listed)} of {len(worst)} sweeps of {method}"
-    return _made_table(listed.set_axis(names), columns, title, "sweep")
 
 
 def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:

@@ -40,7 +40,6 @@ def full_row(number=3, method="mnsf", recording="drive"):
         by_range={"10": ERRORS},
         sums={"CAR/0": [3.0, 0.3, 0.0]},
         start="warm",
-        device="cpu",
         failure="no points: «ä»",
     )
 

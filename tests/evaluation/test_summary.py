@@ -25,7 +25,6 @@ def row(number, epe_m, method="mnsf", **changes):
         *("drive", number, number, method, 10),
         time_ms=100.0 * number,
         errors={"all": errors(epe_m), "dynamic": errors(NAN, 0), "static": errors(epe_m)},
-        device="cpu",
     )
     return replace(base, **changes)
 

@@ -32,7 +32,7 @@ def notes(rows=(), finished=FINISHED, **record):
 
 
 def test_protocol_says_what_the_figures_are_of():
-    text = protocol([row(1, "mnsf", 0.1, device="cpu"), row(1, "zero", 0.1)], run_record())
+    text = protocol([row(1, "mnsf", 0.1), row(1, "zero", 0.1)], run_record())
     for part in (
         "Unweighted mean over 1 example from 1 recording.",
         "Scored: 2,048 random points within 0 to ",
