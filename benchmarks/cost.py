@@ -1,10 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""CPU of an estimate of `online` and `neural` beside a registration of KISS-ICP, in one run.
+"""CPU of an estimate of `online` and `neural`, and of the node, beside KISS-ICP, in one run.
 
     python benchmarks/cost.py [--document FILE]
 
 KISS-ICP registers the same sweeps on one thread, in turns (`pip install '.[benchmark]'`). Sweeps
-are those of KITTI 0005 if the shared data is there (see drives.py), and of a simulated street.
+are those of KITTI 0005 if the shared data is there (see drives.py), and of a simulated street. Use
+a ROS_DOMAIN_ID of its own.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from typing import Any, Final
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
+from drives import TrueSweep, real_sweeps, simulated_sweeps, to_and_fro, triplet_at
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
+from live_node import LiveNode, live_node, serialized
 
 from mnsf_ros.methods import make_method
 from mnsf_ros.node.environment import keep_memory
@@ -35,6 +37,10 @@ _MAX_ONLINE: Final = 0.5
 # On the few planes of a street a registration is cheap.
 _MAX_ON_STREET: Final = 0.8
 _MAX_NEURAL: Final = 3.0
+_MAX_NODE: Final = 0.75
+# Sweeps that the node gets, at 10 Hz.
+_NUM_PLAYED: Final = 200
+_INTERVAL_S: Final = 0.1
 
 
 def main() -> None:
@@ -54,6 +60,7 @@ def tables() -> Iterator[Table]:
     if kitti:
         targets.append(_target("`online`, KITTI 0005", kitti, _MAX_ONLINE))
         targets.append(_target("`neural`, KITTI 0005", kitti, _MAX_NEURAL, "neural"))
+    targets.append(_node_target([item.sweep for item in kitti or street]))
     title = f"CPU of an estimate over KISS-ICP's, one thread, {len(street[0].sweep):,} points"
     yield Table(title, TARGET_HEADER, [target.row() for target in targets])
 
@@ -70,6 +77,29 @@ def _target(name: str, sweeps: Sequence[TrueSweep], limit: float, method: str = 
         ours.append(1e3 * (time.process_time() - start_s))
         theirs.append(_kiss_ms(kiss, triplet.next))
     own_ms, kiss_ms = (float(np.median(times[_WARM_UP:])) for times in (ours, theirs))
+    return _ratio_target(name, own_ms, kiss_ms, limit)
+
+
+def _node_target(sweeps: Sequence[Sweep]) -> Target:
+    """CPU of the node's process for a sweep, with its flow subscribed to, over a registration."""
+    kiss = _kiss_icp()
+    kiss_ms = float(np.median([_kiss_ms(kiss, sweep) for sweep in sweeps][_WARM_UP:]))
+    clouds = [serialized(sweep) for sweep in to_and_fro(sweeps)]
+    with live_node() as node:
+        _play(node, clouds, len(clouds))
+        begin_s, num_before = node.cpu_s, len(node.arrived_s)
+        _play(node, clouds, _NUM_PLAYED)
+        own_ms = 1e3 * (node.cpu_s - begin_s) / (len(node.arrived_s) - num_before)
+    return _ratio_target("the node a sweep, `~/flow`", own_ms, kiss_ms, _MAX_NODE)
+
+
+def _play(node: LiveNode, clouds: Sequence[bytearray], number: int) -> None:
+    for index in range(number):
+        node.publish(clouds[index % len(clouds)])
+        node.spin_for(_INTERVAL_S)
+
+
+def _ratio_target(name: str, own_ms: float, kiss_ms: float, limit: float) -> Target:
     ratio = own_ms / kiss_ms
     text = f"{own_ms:.0f} ms" if np.isnan(ratio) else f"{ratio:.2f} ({own_ms:.0f} ms)"
     return Target(name, limit, ratio, text=text)
