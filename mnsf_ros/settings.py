@@ -22,11 +22,7 @@ class MethodSettings:
     """The method of the node."""
 
     name: str = declared(
-        "online",
-        "Method that estimates the flow. online: ego motion plus one rigid motion per object, "
-        "about 0.1 s on a CPU; neural: the fields of the paper live; mnsf: its networks; others: "
-        "see docs/evaluation.md",
-        fixed=True,
+        "online", "Method: online, neural, mnsf or another one of docs/evaluation.md", fixed=True
     )
 
 
@@ -35,9 +31,7 @@ class TimeSettings:
     """Times of the points of a cloud."""
 
     field: str = declared(
-        "auto",
-        "Field with the time of each point. auto: t, time, timestamp, time_stamp or offset_time, "
-        "if its values can be times; none: no times are read",
+        "auto", "Field with the time of each point. auto: one of the usual names; none: no times"
     )
     unit: str = declared(
         "auto",
@@ -45,10 +39,7 @@ class TimeSettings:
         choices=("auto", "s", "ms", "us", "ns"),
     )
     stamp: str = declared(
-        "auto",
-        "Time of the stamp of a cloud. auto: found from the values; start: first point; end: last"
-        " point",
-        choices=("auto", "start", "end"),
+        "auto", "Point measured at the stamp; auto: by the values", choices=("auto", "start", "end")
     )
 
 
@@ -75,9 +66,7 @@ class GroundSettings:
     """Ground detection. Ground carries no information about the motion of objects."""
 
     remove: bool = declared(
-        True,
-        "Exclude ground points. Disable only for clouds without ground; otherwise objects merge "
-        "and movers are missed",
+        True, "Exclude ground; disable only for clouds without it, else objects merge over it"
     )
     cell_size_m: float = declared(
         0.5, "Cell size of the ground height map", 0.1, 10, tuned=(0.3, 1.0)
@@ -98,39 +87,27 @@ class EgoMotionSettings:
     """Ego motion: its estimation, and its removal for networks."""
 
     removed: bool = declared(
-        False,
-        "Remove the ego motion before networks are fitted: all sweeps in the frame of the current"
-        " one. Always so with the method online",
+        False, "Remove the ego motion before networks are fitted; online always does"
     )
     source: str = declared(
         "registration",
-        "registration: align each sweep with a local map; odometry: use the robot's odometry, "
-        "registration where it is missing; tf: the same with the transform to tf.fixed_frame "
-        "(node only, needs tf2_ros)",
+        "registration: align with a local map; odometry, tf (node only): of the robot where known",
         choices=("registration", "odometry", "tf"),
     )
     sensor_pose: str = declared(
         "parameters",
-        "Pose of the lidar in the odometry's child frame. parameters: sensor_x_m to "
-        "sensor_yaw_deg; tf: look it up (node only, needs tf2_ros)",
+        "Pose of the lidar in the odometry's child frame: by sensor_x_m to sensor_yaw_deg, or tf",
         choices=("parameters", "tf"),
     )
     deskew: bool = declared(
-        True,
-        "Motion compensation by the time of each point, to the middle of the sweep. Disable for "
-        "clouds that are already compensated",
+        True, "Motion compensation to the middle of the sweep; disable for compensated clouds"
     )
     max_range_m: float = declared(80.0, "Maximum range of points used for registration", 1, 1000)
     max_points: int = declared(
         65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000
     )
     thinning_m: float = declared(
-        0.3,
-        "Cell size for thinning before registration: one point per cell; near the ground 1.7 "
-        "times as large",
-        0.05,
-        5,
-        tuned=(0.15, 0.6),
+        0.3, "Cell size for thinning; 1.7 times that near the ground", 0.05, 5, tuned=(0.15, 0.6)
     )
     map_cell_m: float = declared(1.0, "Cell size of the local map", 0.1, 10, tuned=(0.5, 2.0))
     map_sweeps: int = declared(
@@ -150,9 +127,7 @@ class TfSettings:
     """Frames of the robot, for the ROS node."""
 
     fixed_frame: str = declared(
-        "odom",
-        "Frame in which static points do not move, for ego_motion.source: tf. It must be "
-        "continuous: odom rather than map",
+        "odom", "Static frame for ego_motion.source: tf. It must be continuous: odom, not map"
     )
     timeout_s: float = declared(
         0.1, "Longest wait of a sweep for its transform; after it the sweep is registered", 0, 1
@@ -161,10 +136,7 @@ class TfSettings:
         False, "Publish the pose of ~/ego_motion on /tf, too (needs tf2_ros)", fixed=True
     )
     base_frame: str = declared(
-        "",
-        "Robot frame that is broadcast in node.odom_frame, for example base_link; empty: the "
-        "frame of the clouds",
-        fixed=True,
+        "", "Robot frame to broadcast, such as base_link; empty: that of the clouds", fixed=True
     )
 
 
@@ -173,22 +145,14 @@ class LidarsSettings:
     """Several lidars whose clouds are merged, for the ROS node."""
 
     count: int = declared(
-        1,
-        "Number of lidars. Clouds on ~/points, ~/points_2, ~/points_3 and ~/points_4 are merged "
-        "into one",
-        1,
-        4,
-        fixed=True,
+        1, "Number of lidars, on ~/points, ~/points_2 ..., merged into one cloud", 1, 4, fixed=True
     )
     frame: str = declared(
-        "base_link",
-        "Frame of the merged cloud. It must move with the lidars and should lie between them",
-        fixed=True,
+        "base_link", "Frame of the merged cloud, fixed to the lidars and between them", fixed=True
     )
     poses: str = declared(
         "tf",
-        "Poses of the lidars in that frame. tf: look them up (needs tf2_ros); parameters: "
-        "lidar_1.x_m to lidar_4.yaw_deg",
+        "Poses of the lidars in that frame: by tf, or by lidar_1.x_m to lidar_4.yaw_deg",
         choices=("tf", "parameters"),
         fixed=True,
     )
@@ -196,11 +160,7 @@ class LidarsSettings:
         0.06, "Largest difference of the stamps of clouds that are merged", 0, 1
     )
     max_wait_s: float = declared(
-        0.2,
-        "Longest wait for the cloud of another lidar, more than one revolution; then that lidar "
-        "is left out until it sends again",
-        0.01,
-        1,
+        0.2, "Longest wait for another lidar, more than a revolution; then it is left out", 0.01, 1
     )
 
 
@@ -221,18 +181,10 @@ class ObjectSettings:
     """Grouping of points into objects, and the decision for dynamic (method `online`)."""
 
     cell_size_m: float = declared(
-        0.15,
-        "Cell size for grouping: points in touching cells of the horizontal plane form one object",
-        0.05,
-        5,
-        tuned=(0.08, 0.35),
+        0.15, "Cell size for grouping: touching cells form one object", 0.05, 5, tuned=(0.08, 0.35)
     )
     thinning_m: float = declared(
-        0.1,
-        "Cell size for thinning before objects are compared: one point per cell",
-        0.02,
-        1,
-        tuned=(0.05, 0.2),
+        0.1, "Cell size for thinning before objects are compared", 0.02, 1, tuned=(0.05, 0.2)
     )
     max_points: int = declared(
         60_000, "Maximum number of points of a sweep that are compared", 1000, 10_000_000
@@ -241,11 +193,7 @@ class ObjectSettings:
         6, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
     )
     max_size_m: float = declared(
-        24.0,
-        "Longer objects count as static (walls, hedges, terrain)",
-        1,
-        100,
-        tuned=(12, 40),
+        24.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(12, 40)
     )
     points_per_object: int = declared(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
@@ -257,16 +205,14 @@ class ObjectSettings:
     max_iterations: int = declared(4, "Iterations when the motion of an object is fitted", 1, 100)
     min_probability: float = declared(
         0.5,
-        "Minimum probability of motion of a dynamic object. Higher: fewer false positives, more "
-        "missed movers",
+        "Minimum probability of motion. Higher: fewer false positives, more missed movers",
         0.01,
         0.99,
         tuned=(0.1, 0.9),
     )
     max_unexplained: float = declared(
         0.85,
-        "Maximum residual of a dynamic object's motion, as a share of its residual as a static "
-        "object. Lower: fewer false positives, more missed movers",
+        "Maximum residual of a mover, as a share of that if static. Lower: fewer false positives",
         0.05,
         1,
         tuned=(0.4, 1.0),
@@ -291,16 +237,12 @@ class DistanceSettings:
 
     kind: str = declared(
         "tree",
-        "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a "
-        "CPU for few points",
+        "grid: distance transform, as in the paper; tree: exact, faster on a CPU for few points",
         choices=("grid", "tree"),
     )
     cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = declared(
-        250_000_000,
-        "Maximum number of grid cells (4 bytes each); larger sweeps use the tree instead",
-        1000,
-        2_000_000_000,
+        250_000_000, "Maximum grid cells of 4 bytes; else the tree is used", 1000, 2_000_000_000
     )
     truncation_m: float = declared(
         2.0, "Larger distances count as this value, against outliers; 0: unlimited", 0, 1000
@@ -312,11 +254,7 @@ class NsfpSettings:
     """Only for the methods `nsfp` and `nsfp-linear`."""
 
     truncation_m: float = declared(
-        1.41421356,
-        "Point pairs farther apart are ignored in the Chamfer distance; NSFP's code: squared "
-        "distance 2",
-        0.01,
-        1000,
+        1.41421356, "Ignore pairs farther apart (NSFP's code: squared distance 2)", 0.01, 1000
     )
     learning_rate: float = declared(0.008, "Learning rate of Adam", 1e-7, 1)
     weight_decay: float = declared(0.0, "Weight decay of Adam (the authors' code: 0.0001)", 0, 1)
@@ -324,10 +262,7 @@ class NsfpSettings:
         30, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
     min_delta_m2: float = declared(
-        0.001,
-        "Smallest decrease of the loss that counts as improvement (the authors' code: 0.0001)",
-        0,
-        10,
+        0.001, "Smallest decrease of the loss that is an improvement (authors: 0.0001)", 0, 10
     )
 
 
@@ -369,9 +304,7 @@ class OptimizationSettings:
     learning_rate: float = declared(0.008, "Learning rate of Adam", 1e-7, 1)
     decay: bool = declared(True, "Let the learning rate decay to zero along a cosine")
     joint: bool = declared(
-        False,
-        "Fit both fields together, from the same initial weights, until the forward loss stops "
-        "falling (the authors' code); false: fit each on its own (the paper)",
+        False, "Fit both fields together, until the forward loss stops falling (authors' code)"
     )
     max_iterations: int = declared(150, "Maximum number of iterations per field", 1, 100_000)
     max_points: int = declared(
@@ -405,14 +338,12 @@ class FusionSettings:
     )
     input: str = declared(
         "concat",
-        "Input of the mlp. concat: the flows side by side, as in the paper; sum: their sum (the "
-        "authors' code)",
+        "Input of the mlp. concat: flows side by side, as in the paper; sum: the authors' code",
         choices=("concat", "sum"),
     )
     fields: str = declared(
         "best",
-        "Weights of the fields whose flow is fused. best: those with the lowest loss; last: those"
-        " of the last iteration (the authors' code)",
+        "Weights of the fused fields. best: lowest loss; last: last iteration (authors' code)",
         choices=("best", "last"),
     )
     inversion: bool = declared(
@@ -449,16 +380,11 @@ class ComputeSettings:
     )
     precision: str = declared(
         "float32",
-        "Precision of the products between hidden layers. bfloat16: faster where the processor or"
-        " GPU computes in it, else float32 is used",
+        "Precision between hidden layers. bfloat16: only where the processor computes in it",
         choices=("float32", "bfloat16"),
     )
     num_threads: int = declared(
-        0,
-        "Number of CPU threads. 0: one less than cores in the node, 1 in mnsf evaluate, elsewhere"
-        " PyTorch's default",
-        0,
-        512,
+        0, "CPU threads. 0: in the node cores less one, in mnsf evaluate 1, else PyTorch's", 0, 512
     )
     cuda_graphs: bool = declared(
         True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
@@ -472,8 +398,7 @@ class OutputSettings:
 
     layout: str = declared(
         "full",
-        "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic, "
-        "confidence, speed and colour; compact: x, y, z, flow and dynamic, for slow links",
+        "Fields of the clouds. full: all; compact: x, y, z, flow and dynamic, for slow links",
         choices=("full", "compact"),
     )
     rgb: bool = declared(
@@ -488,8 +413,7 @@ class NodeSettings:
     always_estimate: bool = declared(False, "Estimate even if nobody subscribes to any output")
     input_reliability: str = declared(
         "auto",
-        "Reliability of the input subscription. auto: reliable if every publisher offers it, else"
-        " best effort",
+        "Reliability of the input. auto: reliable if every publisher offers it, else best effort",
         choices=("auto", "reliable", "best_effort"),
         fixed=True,
     )
@@ -498,8 +422,7 @@ class NodeSettings:
     )
     stale_after_s: float = declared(
         2.0,
-        "Report the input as stale after this time without a sweep, and an error after this time "
-        "with sweeps but without flow",
+        "Report silence after this time without a sweep, or without flow from sweeps",
         0.1,
         3600,
     )
@@ -510,9 +433,7 @@ class NodeSettings:
         3, "Report an error if more estimates than this fail in a row", 0, 1000
     )
     odom_frame: str = declared(
-        "scene_flow_odom",
-        "Frame of the pose in ~/ego_motion: the sensor frame of the first sweep",
-        fixed=True,
+        "scene_flow_odom", "Frame of ~/ego_motion: the sensor frame of the first sweep", fixed=True
     )
 
 
