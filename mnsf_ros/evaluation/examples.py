@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from mnsf_ros.evaluation.tracks import (
     Event,
     Findings,
     TruthTrack,
-    in_stamp_order,
     recorded_poses,
     recorded_sweeps,
     truth_clouds,
@@ -26,7 +24,7 @@ from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
 
@@ -36,7 +34,7 @@ class Example:
 
     Attributes:
         recording: Name of the recording.
-        number: Index of the current sweep in the recording, in stamp order, counted from 0.
+        number: Index of the current sweep in the recording, counted from 0.
         triplet: The sweeps as every method gets them: all finite points, as in the live node.
             `kept` of each sweep says which of them count, see `kept_points`.
         truth: True flow of all points of the current sweep, row for row; None if unknown.
@@ -57,7 +55,7 @@ class Example:
 def read_examples(
     recording: EvaluatedRecording, options: EvaluationOptions, findings: Findings
 ) -> Iterator[Example]:
-    """Yields the examples of a recording in stamp order; findings get what is noticed.
+    """Yields the examples of a recording; findings get what is noticed.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -73,7 +71,7 @@ def read_examples(
             poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
-        yield from builder.examples(in_stamp_order(sweeps))
+        yield from builder.examples(sweeps)
 
 
 def kept_points(
@@ -101,7 +99,7 @@ def kept_points(
 
 
 class ExampleBuilder:
-    """Puts sweeps that come in stamp order together to examples."""
+    """Puts sweeps together to examples."""
 
     def __init__(
         self,
@@ -119,9 +117,6 @@ class ExampleBuilder:
         self._poses = poses
         self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
         self._num_sweeps = 0
-        self._last_ns: int | None = None
-        # Between sweeps, where none is known to be missing.
-        self._intervals_ns: list[int] = []
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
 
@@ -134,12 +129,8 @@ class ExampleBuilder:
         for sweep in sweeps:
             if sweep is None:
                 self._interrupt()
-                self._last_ns = None
             elif (example := self._completed_by(sweep)) is not None:
                 yield example
-        longest_ns = self._options.settings.buffer.max_interval_s * NANOSECONDS
-        number = _num_missing(np.array(self._intervals_ns), longest_ns)
-        self._findings.count(Event.SWEEPS_MISSING, number)
 
     def _interrupt(self) -> None:
         """Lets no triplet span this place."""
@@ -147,9 +138,6 @@ class ExampleBuilder:
         self._buffer.clear()
 
     def _completed_by(self, sweep: Sweep) -> Example | None:
-        if self._last_ns is not None:
-            self._intervals_ns.append(sweep.stamp_ns - self._last_ns)
-        self._last_ns = sweep.stamp_ns
         number, self._num_sweeps = self._num_sweeps, self._num_sweeps + 1
         truth = self._truth_of(sweep)
         kept = kept_points(
@@ -194,20 +182,3 @@ def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
         return None
     motion: NDArray[np.float64] = np.linalg.inv(following.odometry) @ current.odometry
     return motion
-
-
-_LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missing
-_MIN_INTERVALS: Final = 5
-
-
-def _num_missing(intervals_ns: NDArray[np.int64], longest_ns: float) -> int:
-    """Number of sweeps that are missing by the median interval between stamps.
-
-    Recordings without checksums can lose messages without any sign of damage. Longer intervals than
-    `longest_ns` are counted as gaps.
-    """
-    if len(intervals_ns) < _MIN_INTERVALS:
-        return 0
-    usual = float(np.median(intervals_ns))
-    long = intervals_ns[(intervals_ns > _LONG * usual) & (intervals_ns <= longest_ns)]
-    return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0

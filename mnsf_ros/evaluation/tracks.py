@@ -1,12 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps, truth and poses of a recording, read together in the order of their stamps.
+"""Sweeps, truth and poses of a recording, read together as they were received.
 
 What is noticed on the way is counted in Findings.
 """
 
 from __future__ import annotations
 
-import bisect
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -52,7 +51,6 @@ class Event(str, Enum):
     GAP = "gaps in time; no triplet spans them"
     FRAME_CHANGED = "changes of frame_id; no triplet spans them"
     INTERRUPTIONS = "missing sweeps; no triplet spans the gap"
-    SWEEPS_MISSING = "sweeps missing by the stamps of their neighbours, without damage found there"
     TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
     TRUTH_UNFIT = "truth clouds that do not match their sweep or cannot be read, not used"
     FRAMES_DIFFER = (
@@ -84,37 +82,7 @@ class Findings:
             self.damages.setdefault(damage)
 
 
-# Recorders write messages in order of reception. More than so many places off is a jump in time.
-_REORDER_WINDOW: Final = 4
-
 Item = TypeVar("Item", Sweep, StampedPose, "TruthCloud")
-
-
-def in_stamp_order(items: Iterable[Item | None]) -> Iterator[Item | None]:
-    """Yields items by stamp, sorted within a window of four.
-
-    None marks a gap, and nothing is sorted across it. After a jump back in time order starts again.
-    """
-    waiting: list[Item] = []
-    newest_ns = -1
-    for item in items:
-        if item is None or item.stamp_ns < newest_ns:
-            yield from waiting
-            waiting, newest_ns = [], -1
-        if item is None:
-            yield None
-            continue
-        bisect.insort(waiting, item, key=_stamp_ns)
-        if len(waiting) > _REORDER_WINDOW:
-            oldest = waiting.pop(0)
-            newest_ns = oldest.stamp_ns
-            yield oldest
-    yield from waiting
-
-
-def _stamp_ns(item: Any) -> int:  # noqa: ANN401 - an Item
-    stamp_ns: int = item.stamp_ns
-    return stamp_ns
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +122,13 @@ def recorded_sweeps(
 def recorded_poses(
     reader: BagReader, topic: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
-    """Yields the poses of an odometry topic in stamp order, None for a gap."""
+    """Yields the poses of an odometry topic as received, None for a gap."""
 
     def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
         stamp_ns = decode_stamp(message.header.stamp)
         return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
 
-    return in_stamp_order(_decoded(reader, topic, findings, pose_of))
+    return _decoded(reader, topic, findings, pose_of)
 
 
 def _decoded(
@@ -231,8 +199,8 @@ class TruthTrack:
     """Matches truth clouds to sweeps in stamp order; holds a few clouds at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
-        """Starts before the first of the clouds, which are roughly in stamp order."""
-        self._clouds = in_stamp_order(clouds)
+        """Starts before the first of the clouds."""
+        self._clouds = iter(clouds)
         self._findings = findings
         self._name = name
         self._head = next(self._clouds, None)

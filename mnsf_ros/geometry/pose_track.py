@@ -25,8 +25,6 @@ _MAX_AHEAD_NS: Final = 100_000_000
 _MIN_BASE_NS: Final = 50_000_000
 # A stamp this much older than the last one means that the clock jumped, as when a bag loops.
 _JUMP_NS: Final = 1_000_000_000
-# Maximum number of unread poses from before such a jump.
-_MAX_LEFTOVERS: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,6 @@ class PoseTrack:
         self._recorded = iter(recorded)
         self._mount = None if mount is None or np.array_equal(mount, np.eye(4)) else mount
         self._poses: deque[StampedPose] = deque(maxlen=_MAX_POSES)
-        self._last_asked_ns: int | None = None
 
     def add(self, pose: StampedPose) -> bool:
         """Adds a pose; returns False and ignores it if it is not newer than the last one.
@@ -88,22 +85,12 @@ class PoseTrack:
         Between poses up to 0.3 s apart it is interpolated, up to 0.1 s after a pose extrapolated.
         The pose of a mounted sensor has no frame_id.
         """
-        self._read_to(stamp_ns)
+        while not self._is_newest_after(stamp_ns - 1) and self._read_one():
+            pass
         pose = self._found(stamp_ns)
         if pose is None or self._mount is None:
             return pose
         return StampedPose(stamp_ns, pose.world_from_frame @ self._mount)
-
-    def _read_to(self, stamp_ns: int) -> None:
-        last_ns, self._last_asked_ns = self._last_asked_ns, stamp_ns
-        if last_ns is not None and stamp_ns < last_ns - _JUMP_NS:
-            # Time jumped back. Not past all poses: one sweep with a wrong stamp must not cost the
-            # others theirs.
-            for _ in range(_MAX_LEFTOVERS):
-                if not self._is_newest_after(stamp_ns + _JUMP_NS) or not self._read_one():
-                    break
-        while not self._is_newest_after(stamp_ns - 1) and self._read_one():
-            pass
 
     def _is_newest_after(self, stamp_ns: int) -> bool:
         return bool(self._poses) and self._poses[-1].stamp_ns > stamp_ns

@@ -17,7 +17,6 @@ from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import (
     Findings,
     TruthTrack,
-    in_stamp_order,
     recorded_sweeps,
     truth_clouds,
 )
@@ -43,7 +42,7 @@ class EstimatedSweep(NamedTuple):
 def estimated_sweeps(
     reader: BagReader, topics: UsedTopics, stream: Stream, warn: Callable[[str], None]
 ) -> Iterator[EstimatedSweep]:
-    """Yields the sweeps of a topic in stamp order.
+    """Yields the sweeps of a topic.
 
     Sweeps without flow are left out and damage is read around; `warn` gets a line for each.
 
@@ -53,10 +52,10 @@ def estimated_sweeps(
     findings, name = Findings(), str(reader.path)
     clouds = () if topics.truth is None else truth_clouds(reader, topics.truth, findings)
     truth = TruthTrack(clouds, findings, name)
-    sweeps = recorded_sweeps(reader, topics.points, name, stream.settings.time, findings)
     numbers = count(-1)
     num_warned = num_estimates = 0
-    for sweep in in_stamp_order(sweeps):
+    settings = stream.settings.time
+    for sweep in recorded_sweeps(reader, topics.points, name, settings, findings):
         for damage in [*findings.damages][num_warned:]:
             warn(str(damage))
             num_warned += 1

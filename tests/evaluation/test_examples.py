@@ -3,8 +3,6 @@ from __future__ import annotations
 
 import gc
 import weakref
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from box_street import pose
 
 from mnsf_ros.evaluation.examples import ExampleBuilder, kept_points, read_examples
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.tracks import Event, Findings, TruthCloud, TruthTrack, in_stamp_order
+from mnsf_ros.evaluation.tracks import Event, Findings, TruthCloud, TruthTrack
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
@@ -131,29 +129,7 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
     assert findings.counts == {
         Event.TRUTH_WITHOUT_SWEEP: 1,
         Event.INTERRUPTIONS: 1,
-        Event.SWEEPS_MISSING: 1,
     }
-
-
-@pytest.mark.parametrize(
-    ("missing", "count"),
-    [((), 0), ((5,), 1), ((5, 6), 2), ((5, 8), 2), ((0,), 0), (range(4, 14), 0)],
-)
-def test_missing_sweeps_are_counted_up_to_the_largest_interval(missing, count):
-    findings = Findings()
-    sweeps = [small.sweep(index) for index in range(18) if index not in missing]
-    list(examples_of(sweeps, findings=findings))
-    assert findings.counts[Event.SWEEPS_MISSING] == count
-
-
-@pytest.mark.parametrize(
-    "indices", [[0, 1.2, 2, 3.3, 4, 4.9, 6], [0, 1, 3], [0, 1, 2, 3, 1, 2, 3, 4], [0] * 8, []]
-)
-def test_unsteady_clock_jump_back_and_equal_stamps_are_no_loss(indices):
-    findings = Findings()
-    sweeps = [replace(small.sweep(0), stamp_ns=round(small.stamp(index))) for index in indices]
-    list(examples_of(sweeps, findings=findings))
-    assert findings.counts[Event.SWEEPS_MISSING] == 0
 
 
 def test_odometry_that_is_missing_or_of_another_frame_is_counted():
@@ -251,25 +227,3 @@ def test_random_points_are_the_same_for_a_seed_and_a_stamp():
     # From all of the sweep, not from a part of it.
     assert (len(rows), rows.min() < 100, rows.max() >= 900) == (100, True, True)
     assert kept(xyz[:5], wide, num_points=6).all()
-
-
-def ordered(stamps):
-    # Items of equal stamp need not be comparable.
-    items = (stamp and SimpleNamespace(stamp_ns=stamp) for stamp in stamps)
-    return [item and item.stamp_ns for item in in_stamp_order(items)]
-
-
-@pytest.mark.parametrize(
-    ("received", "expected"),
-    [
-        ([], []),
-        ([2, 1, 4, 3, 6, 5], [1, 2, 3, 4, 5, 6]),
-        ([5, 4, 3, 2, 1], [1, 2, 3, 4, 5]),
-        ([1, 1, 1], [1, 1, 1]),
-        # Nothing moves across a gap, nor from the second round of a loop to the first.
-        ([2, 1, None, 4, 3, None], [1, 2, None, 3, 4, None]),
-        ([*range(100, 107), 1, 3, 2, 4, 5, 6], [*range(100, 107), 1, 2, 3, 4, 5, 6]),
-    ],
-)
-def test_small_disorder_is_put_in_order(received, expected):
-    assert ordered(received) == expected

@@ -127,13 +127,6 @@ def test_no_pose_where_damage_took_some():
     np.testing.assert_allclose(pose_at(track, 350), path(350), atol=1e-9)
 
 
-def test_second_round_of_a_loop_is_found_behind_poses_that_nobody_asked_for():
-    track = recorded(*range(0, 5000, 100), None, *range(0, 300, 100))
-    assert pose_at(track, 2000) is not None
-    np.testing.assert_allclose(pose_at(track, 150), path(150), atol=1e-9)
-    assert pose_at(track, 2000) is None
-
-
 def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses():
     track = recorded(*range(1_000_000, 1_020_000, 100))
     for time_ms in (1_001_000, 5000, 1_000_900, 1_010_000):
