@@ -30,7 +30,7 @@ _COMMANDS: Final = {
     "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),
     "explain": ("explain why one place of one sweep was called dynamic or not", "explain"),
     "report": ("write the HTML report of an evaluation again, from its rows.jsonl", "evaluate"),
-    "study": ("reproduce a table or case study of the paper: NAME.md, NAME.csv, NAME.png", "study"),
+    "study": ("reproduce a table or case study of the paper: NAME.md, NAME.csv", "study"),
     "tune": ("find the best settings of the method online for recordings (Optuna)", "tune"),
     "simulate": ("write a recording of a simulated street with its true flow", "recordings"),
     "convert": (

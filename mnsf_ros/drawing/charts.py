@@ -1,11 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The charts of the studies and of `mnsf explain`, each as the bytes of a PNG file."""
+"""The loss landscape, and the picture of `mnsf explain`, as the bytes of a PNG file."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import matplotlib as mpl
@@ -20,41 +19,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _DPI: Final = 120
-# They can be told apart with colour blindness, too.
-_SERIES: Final = (
-    *("#0b62c4", "#c4450a", "#14804a", "#8e3fb3"),
-    *("#a86a00", "#0c7f92", "#b3245f", "#5b6470"),
-)
 _LEVELS: Final = 16
-_LOOKS: Final = (("o", "-"), ("s", "--"), ("^", ":"))
-_GROUP_COLORS: Final = (_SERIES[0], "#e2703a", "#8a94a3")
 _FAINT: Final = "#59626e"
 _PANEL_IN: Final = 3.2
 _LEGEND_IN: Final = 0.4
 _MARGIN_M: Final = 1.0
+# They can be told apart with colour blindness, too.
 _STATE_COLORS: Final = {
-    "hit": _SERIES[2],
-    "passed through": _SERIES[1],
-    "hidden": _SERIES[3],
-    "unclear": _SERIES[4],
+    "hit": "#14804a",
+    "passed through": "#c4450a",
+    "hidden": "#8e3fb3",
+    "unclear": "#a86a00",
 }
-
-
-def grouped_bars(title: str, panels: Mapping[str, pd.DataFrame]) -> bytes:
-    """Draws horizontal bars: for each panel a group for each row, a bar for each column."""
-    num_rows = max(len(table) for table in panels.values())
-    figure = _figure(9.0, 1.2 + 0.5 * num_rows)
-    axes_of = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
-    for axes, (name, table) in zip(axes_of, panels.items(), strict=True):
-        table.plot.barh(ax=axes, width=0.78, color=_GROUP_COLORS, legend=False, xlabel="")
-        axes.set_title(name, fontsize=10)
-        axes.grid(axis="x", alpha=0.3)
-        axes.set_axisbelow(True)
-    axes_of[0].invert_yaxis()
-    handles, names = axes_of[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=3)
-    figure.suptitle(title)
-    return png_bytes(figure)
 
 
 def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
@@ -81,31 +57,6 @@ def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
     bar = figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", ticks=ticks)
     bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
     bar.minorticks_off()
-    figure.suptitle(title)
-    return png_bytes(figure)
-
-
-def log_lines(title: str, across: str, panels: Mapping[str, pd.DataFrame]) -> bytes:
-    """Draws panels of lines over ascending sizes, with one over the size for comparison.
-
-    Each panel has sizes as rows, and a line for each column (group, name); groups have a colour
-    each. Values are above 0, or NaN.
-    """
-    figure = _figure(11.0, 5.0)
-    axes_of = np.atleast_1d(figure.subplots(1, len(panels)))
-    for axes, (title_of_panel, lines) in zip(axes_of, panels.items(), strict=True):
-        colors = dict(zip(lines.columns.unique(0), cycle(_SERIES)))
-        looks = dict(zip(lines.columns.unique(1), cycle(_LOOKS)))
-        for (group, name), values in lines.dropna(axis=1, how="all").items():
-            style = dict(zip(("marker", "ls"), looks[name], strict=True))
-            axes.loglog(values.dropna(), color=colors[group], label=f"{group}, {name}", **style)
-        sizes, top = lines.index.to_numpy(), np.nanmax(lines)
-        axes.loglog(sizes, top * sizes[0] / sizes, color="grey", lw=1.0, ls="-.", label="1/N")
-        axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
-        axes.minorticks_off()
-        axes.grid(which="major", alpha=0.3)
-        axes.set(xlabel=across, title=title_of_panel)
-    axes_of[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.suptitle(title)
     return png_bytes(figure)
 

@@ -202,4 +202,4 @@ def _result(
     rows = pd.concat(numbers.assign(method=name) for name, numbers in found.items())
     rows = rows[["method", "kind", "first_step", "second_step", "loss_m"]]
     table = TextTable(header, cells, "Sharpness: rise of the loss")
-    return StudyResult(_TITLE, texts, [table], rows, height_maps(_TITLE, maps), evaluation)
+    return StudyResult(_TITLE, texts, [table], rows, evaluation, height_maps(_TITLE, maps))

@@ -10,7 +10,6 @@ from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.drawing.charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
@@ -29,10 +28,6 @@ _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 # As `mnsf evaluate` has it.
 _NUM_PICTURES: Final = 3
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
-_FIGURES: Final = (
-    ("EPE (m), less is better", "epe_m", 1.0),
-    ("Acc5 (%), more is better", "acc5", 100.0),
-)
 
 
 # Title of the table, and name of each row to its method.
@@ -124,12 +119,5 @@ def _result(
         numbers.append(table.astype({"num_points": int}).join(named["time_ms"]))
         numbers[-1].insert(0, "points", group)
         numbers[-1].insert(0, "method", pd.Series(known))
-    panels = {
-        title: pd.DataFrame(
-            {_GROUPS[group]: table[figure] * factor for group, table in errors.items()}
-        ).reindex(named.index)
-        for title, figure, factor in _FIGURES
-    }
-    picture = grouped_bars(study_title, panels)
     rows = pd.concat(numbers).rename_axis("variant").reset_index()
-    return StudyResult(study_title, texts, tables, rows, picture, evaluation)
+    return StudyResult(study_title, texts, tables, rows, evaluation)

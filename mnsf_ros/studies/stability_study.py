@@ -21,7 +21,6 @@ from scipy.spatial import cKDTree
 from scipy.stats import linregress
 
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
-from mnsf_ros.drawing.charts import log_lines
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
@@ -162,7 +161,6 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
     sizes = options.case.numbers_of_points
     header = ["replaced in", *(f"N = {size:,}" for size in sizes), "slope"]
     tables: list[TextTable] = []
-    panels: dict[str, pd.DataFrame] = {}
     for part, words in _PARTS.items():
         means = found.pivot_table(part, "num_points", ["method", "sweep"], sort=False)
         cells = [
@@ -170,9 +168,7 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
             for (method, sweep), own in means.items()
         ]
         tables.append(TextTable(header, cells, words))
-        panels[words] = means.where(means > 0)
-    picture = log_lines(_TITLE, "points N of each sweep", panels)
-    return StudyResult(_TITLE, [text], tables, found, picture, options.evaluation)
+    return StudyResult(_TITLE, [text], tables, found, options.evaluation)
 
 
 def _slope_text(means: pd.Series) -> str:

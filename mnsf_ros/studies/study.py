@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Studies by name; each writes a page in Markdown, numbers as CSV, and a chart."""
+"""Studies by name; each writes a page in Markdown and numbers as CSV."""
 
 from __future__ import annotations
 
@@ -115,20 +115,20 @@ class StudyResult:
         texts: Paragraphs on the measurement.
         tables: Tables for people.
         numbers: The CSV file; the same study gives the same one, times apart.
-        picture: The chart, a PNG file.
         evaluation: Options behind the figures.
+        picture: A PNG file; empty if tables say it all.
     """
 
     title: str
     texts: Sequence[str]
     tables: Sequence[TextTable]
     numbers: pd.DataFrame
-    picture: bytes
     evaluation: EvaluationOptions
+    picture: bytes = b""
 
 
 def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:
-    """Runs one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
+    """Runs one of `STUDIES`; returns its result and its files, NAME.md first.
 
     Raises:
         MnsfError: An option, a setting, a recording or the folder cannot be used, or a fit fails.
@@ -138,10 +138,12 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
     check_folder(options.out, resume=options.resume)
     result: StudyResult = module.run(name, options)
     options.out.mkdir(parents=True, exist_ok=True)
-    paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
+    suffixes = (".md", ".csv", *([".png"] if result.picture else []))
+    paths = [options.out / f"{name}{suffix}" for suffix in suffixes]
     paths[0].write_text(_page(name, result, options), encoding="utf-8")
     result.numbers.to_csv(paths[1], index=False, na_rep="nan", lineterminator="\n")
-    paths[2].write_bytes(result.picture)
+    if result.picture:
+        paths[2].write_bytes(result.picture)
     return result, paths
 
 
@@ -157,7 +159,7 @@ def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
         f"# {result.title}",
         *map(markdown_text, result.texts),
         *(table.markdown().rstrip("\n") for table in result.tables),
-        f"![{result.title}]({name}.png)",
+        *([f"![{result.title}]({name}.png)"] if result.picture else []),
         "## Run",
         "\n".join(session_lines(session_now(options.command) | facts)),
         "\n".join(["| setting | value |", "| :--- | ---: |", *lines]),

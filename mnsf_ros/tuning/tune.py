@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 AUTO: Final = "auto"
 EPE: Final = "epe"
 CONSISTENCY: Final = "consistency"
-# A change that saves less than this share of the cost is taken back.
-_WORTH: Final = 0.002
 
 TRIALS_FILE: Final = "trials.log"
 PARAMETER_FILE: Final = "tuned.yaml"
@@ -163,15 +159,11 @@ def tune(
     before = {name: start.value_of(name) for name in names}
     best = _best_values(study, before, options.trials, watch, lambda v: tuned(start.changed(v)))
     changed = {name: value for name, value in best.items() if value != before[name]}
-    numbers, num_in_all = count(), 4 + len(changed)
-
-    def judged(judge: Callable[[Settings], float], values: Values) -> float:
-        watch("judging each change, and on the other half", next(numbers), num_in_all)
-        return judge(start.changed(values))
-
-    kept, on_tuned = _worthwhile(changed, partial(judged, tuned))
-    on_other = judged(held_out, {}), judged(held_out, kept)
-    return Outcome(start, tuned.goal, _num_done(study), kept, on_tuned, on_other)
+    watch("judging on the other half", options.trials, options.trials)
+    on_tuned, on_other = (
+        (judge(start), judge(start.changed(changed))) for judge in (tuned, held_out)
+    )
+    return Outcome(start, tuned.goal, _num_done(study), changed, on_tuned, on_other)
 
 
 def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
@@ -183,19 +175,6 @@ def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
         )
     by_truth = CONSISTENCY if unlabelled else EPE
     return by_truth if wanted == AUTO else wanted
-
-
-def _worthwhile(
-    changed: Values, judged: Callable[[Values], float]
-) -> tuple[Values, tuple[float, float]]:
-    """Takes back each change that gains nothing; returns the others and the costs."""
-    before, after = judged({}), judged(changed)
-    for name in tuple(changed):
-        others = {other: value for other, value in changed.items() if other != name}
-        without = judged(others)
-        if without <= after * (1 + _WORTH):
-            changed, after = others, without
-    return changed, (before, after)
 
 
 def tuned_settings(names: Sequence[str] = (), fixed: frozenset[str] = frozenset()) -> list[Setting]:
