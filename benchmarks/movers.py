@@ -192,7 +192,7 @@ def total(scores: Sequence[WorldScore], figure: str) -> float:
 
 def deviation(scores: Sequence[WorldScore], *, from_scratch: bool) -> float:
     """Returns the largest difference of confidence and deserved share of a band; NaN if none."""
-    bands: dict[str, np.ndarray] = {}
+    bands: dict[int, np.ndarray] = {}
     for one in scores:
         for (band, is_scratch), numbers in one.confidence.items():
             if is_scratch == from_scratch:

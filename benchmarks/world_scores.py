@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -32,6 +31,9 @@ NUM_FIRST: Final = 3
 _SCRATCH_EVERY: Final = 6
 _LEAST_PRECISION: Final = 0.95
 _MIN_POINTS: Final = 20
+# Bands of confidence, and the largest error of a point that deserves it.
+_CONFIDENCE_EDGES: Final = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0001)
+_CLOSE_M: Final = 0.1
 _MIN_FALSE_POINTS: Final = 10
 _MAX_RANGE_M: Final = 50.0
 # Points between this speed and that of dynamic points are neither wrong nor missed.
@@ -53,6 +55,7 @@ class Scored:
         has_stopped: (M,) whether they moved lately, and may still be called dynamic.
         called: (M,) whether they are called dynamic.
         confidence: (M,) of them.
+        errors_m: (M,) end point errors of their flow.
         ego_error_m: Error of the translation of the ego motion.
     """
 
@@ -61,6 +64,7 @@ class Scored:
     has_stopped: NDArray[np.bool_]
     called: NDArray[np.bool_]
     confidence: NDArray[np.float32]
+    errors_m: NDArray[np.float64]
     ego_error_m: float
 
     @property
@@ -118,12 +122,13 @@ def _scored(
     row = replace(
         empty_row(example, name),
         errors=by_motion(estimate.flow[above], flow[above], current.truth.dynamic[above]),
-        movers=_movers(truth, ~has_stopped, estimate, rows, flow[rows]),
+        movers=_movers(truth, ~has_stopped, estimate, rows),
     )
     off = np.linalg.inv(example.triplet.next_from_current) @ over_ground.next_from_current
     called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
     ego_error_m = float(np.linalg.norm(off[:3, 3]))
-    return Scored(row, truth, has_stopped, called, confidence, ego_error_m)
+    errors_m = end_point_errors(estimate.flow[rows], flow[rows])
+    return Scored(row, truth, has_stopped, called, confidence, errors_m, ego_error_m)
 
 
 def _example(
@@ -141,13 +146,11 @@ def _movers(
     judged: NDArray[np.bool_],
     estimate: FlowEstimate,
     rows: NDArray[np.int64],
-    flow: NDArray[np.float32],
 ) -> MoverRow:
     """Scores the movers of the judged ones among the points with truth."""
     names = ("xyz", "velocity", "dynamic", "class_id", "object_id")
     truth = replace(truth, **{name: getattr(truth, name)[judged] for name in names})
-    errors_m = end_point_errors(estimate.flow[rows], flow)[judged]
-    return mover_row(truth, estimate.over_ground, rows[judged], errors_m, estimate.reason_of)
+    return mover_row(truth, estimate.over_ground, rows[judged], estimate.reason_of)
 
 
 def _moved_lately(sweeps: Sequence[TrueSweep], index: int) -> NDArray[np.uint32]:
@@ -165,7 +168,8 @@ class WorldScore:
         seed, lidar, text: As in `World`.
         scenario: `random` or `standing`.
         figures: Name to figure; NaN where there is nothing to judge.
-        confidence: Band, and whether from scratch, to numbers as in `MoverRow`.
+        confidence: Band, and whether from scratch, to number of points called dynamic, sum of their
+            confidence, and number of those with less than 0.1 m of error.
     """
 
     seed: int
@@ -173,7 +177,7 @@ class WorldScore:
     text: str
     scenario: str
     figures: dict[str, float]
-    confidence: dict[tuple[str, bool], NDArray[np.float64]]
+    confidence: dict[tuple[int, bool], NDArray[np.float64]]
 
 
 def world_score(world: World, scenario: str = "random") -> WorldScore:
@@ -198,12 +202,24 @@ def world_score(world: World, scenario: str = "random") -> WorldScore:
         "held": sum(held),
         "released": sum(released),
     }
-    confidence: dict[tuple[str, bool], NDArray[np.float64]] = defaultdict(lambda: np.zeros(3))
-    for is_scratch, each in ((False, run), (True, scratch)):
-        for band, numbers in (pair for one in each for pair in one.row.movers.confidence.items()):
-            confidence[band, is_scratch] += numbers
+    confidence = {
+        (band, is_scratch): numbers
+        for is_scratch, each in ((False, run), (True, scratch))
+        for band, numbers in enumerate(_by_confidence(each))
+    }
     about = (world.seed, world.lidar, world.text, scenario)
-    return WorldScore(*about, figures, dict(confidence))
+    return WorldScore(*about, figures, confidence)
+
+
+def _by_confidence(run: Sequence[Scored]) -> NDArray[np.float64]:
+    """Numbers (B, 3) of the bands of confidence, see `WorldScore`."""
+    columns = zip(*((one.confidence, one.errors_m < _CLOSE_M) for one in run), strict=True)
+    judged = np.concatenate([one.called & ~one.has_stopped for one in run])
+    confidence, is_close = (np.concatenate(column)[judged] for column in columns)
+    bands = np.searchsorted(_CONFIDENCE_EDGES, confidence, side="right") - 1
+    weights = (None, confidence, is_close)
+    num_bands = len(_CONFIDENCE_EDGES) - 1
+    return np.column_stack([np.bincount(bands, each, num_bands) for each in weights])
 
 
 # Confidence of the points called dynamic, whether they are, and how many dynamic points there are.

@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Score of the movers of one sweep: dynamic points, false movers, confidence, objects.
+"""Score of the movers of one sweep: dynamic points, false movers, objects.
 
-Scored are the node's outputs: the flag `dynamic`, the confidence, the tracked objects. An object is
-a mover if most of its scored points are dynamic in truth, and found if at least half of them are
-called dynamic.
+Scored are the node's outputs: the flag `dynamic` and the tracked objects. An object is a mover if
+most of its scored points are dynamic in truth, and found if at least half of them are called
+dynamic.
 """
 
 from __future__ import annotations
@@ -21,9 +21,8 @@ from mnsf_ros.core.flow_estimate import OverGround, Reason, TrackedObject, Verdi
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
-# Largest error of a point that deserves its confidence.
+# Largest error of the motion of a mover that only the gate rejected.
 _CLOSE_M: Final = 0.1
-_CONFIDENCE_EDGES: Final = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0001)
 # Objects and false movers of fewer points do not count.
 _MIN_POINTS: Final = 20
 _MIN_GHOST_POINTS: Final = 10
@@ -98,15 +97,12 @@ class MoverRow:
         points: Numbers of true positive, false positive and false negative dynamic points. Points
             that move too slowly to be dynamic count in none.
         num_ghosts: False movers: tracked objects, or motions, with most points static in truth.
-        confidence: Lower limit of a band of confidence, as text, to number of points called
-            dynamic, sum of their confidence, and number of those with less than 0.1 m of error.
         objects: True movers and objects called movers; empty without object ids.
         standing: Numbers of the true objects that are static and not called movers.
     """
 
     points: tuple[int, int, int]
     num_ghosts: int
-    confidence: dict[str, list[float]] = field(default_factory=dict)
     objects: list[ObjectRow] = field(default_factory=list)
     standing: list[int] = field(default_factory=list)
 
@@ -141,13 +137,12 @@ def mover_row(
     truth: TrueMotion,
     said: OverGround,
     rows: NDArray[np.int64],
-    errors_m: NDArray[np.float64],
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None,
 ) -> MoverRow:
     """Scores the movers of an estimate.
 
-    `rows` (M,) are those of the estimate that belong to the points of the truth, `errors_m` (M,)
-    the end point errors of their flow; `reason_of` as in `FlowEstimate`.
+    `rows` (M,) are those of the estimate that belong to the points of the truth; `reason_of` as in
+    `FlowEstimate`.
     """
     called = said.dynamic[rows]
     moves = truth.dynamic | (np.sqrt((truth.velocity**2).sum(axis=1)) > _CREEPING_M_S)
@@ -157,7 +152,6 @@ def mover_row(
     return MoverRow(
         points=(right, wrong, missed),
         num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], moves[called]),
-        confidence=_by_confidence(said.confidence[rows][called], errors_m[called] < _CLOSE_M),
         objects=[
             replace(item, lost_by=lost_by(reason_of(rows[own]), truth.mean_motion(own)))
             if reason_of is not None and item.moves and not item.is_found
@@ -181,20 +175,6 @@ def _num_ghosts(
         counts, false = np.bincount(owners), np.bincount(owners, weights=~is_mover[part])
         num_ghosts += int(np.count_nonzero((counts >= _MIN_GHOST_POINTS) & (false > counts / 2)))
     return num_ghosts
-
-
-def _by_confidence(
-    confidence: NDArray[np.float32], is_close: NDArray[np.bool_]
-) -> dict[str, list[float]]:
-    bands = np.searchsorted(_CONFIDENCE_EDGES, confidence, side="right") - 1
-    return {
-        f"{_CONFIDENCE_EDGES[band]:g}": [
-            float(np.count_nonzero(bands == band)),
-            math.fsum(confidence[bands == band]),
-            float(np.count_nonzero(is_close[bands == band])),
-        ]
-        for band in np.unique(bands)
-    }
 
 
 def _object_rows(

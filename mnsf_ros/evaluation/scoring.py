@@ -234,7 +234,7 @@ def _with_errors(
     errors_m = end_point_errors(flow, true_flow)
     movers = None
     if estimate.over_ground is not None:
-        movers = mover_row(known, estimate.over_ground, rows, errors_m, estimate.reason_of)
+        movers = mover_row(known, estimate.over_ground, rows, estimate.reason_of)
     return replace(
         row,
         movers=movers,

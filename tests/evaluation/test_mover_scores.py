@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Scores of movers: points, false movers, confidence, objects over time."""
+"""Scores of movers: points, false movers, objects over time."""
 
 from __future__ import annotations
 
@@ -65,9 +65,8 @@ def groups_in(summary):
     return {name.removesuffix(".delay_s") for name in summary if name.endswith(".delay_s")}
 
 
-def row_of(truth, over_ground, errors_m=0.0):
-    errors = np.full(len(truth.xyz), errors_m, float)
-    return mover_row(truth, over_ground, np.arange(len(truth.xyz)), errors)
+def row_of(truth, over_ground):
+    return mover_row(truth, over_ground, np.arange(len(truth.xyz)))
 
 
 IDS = np.repeat([0, 1, 2], [20, 40, 40])
@@ -115,15 +114,6 @@ def test_motions_without_tracks_are_ghosts_each():
     # Most points of the first one move in truth.
     ids = np.where(np.arange(N) < 6, 1, 0)
     assert row_of(true_motion(ids, {1: 3.0}), said(called, motion=motion)).num_ghosts == 1
-
-
-def test_confidence_is_compared_with_errors_of_points_called_dynamic():
-    called = IDS == 1
-    errors_m = np.where(np.arange(N) < 30, 0.05, 0.2)  # 10 of the 40 are close
-    truth = true_motion(IDS, {1: 5.0})
-    row = mover_row(truth, said(called, confidence=0.96), np.arange(N), errors_m)
-    # Number of points, sum of their confidence, number of the close ones.
-    assert row.confidence == {"0.95": [40, pytest.approx(40 * 0.96), 10]}
 
 
 @pytest.mark.parametrize(
@@ -310,7 +300,7 @@ def test_lost_mover_has_what_lost_it(reason, lost_by):
         return reason
 
     truth, none = true_motion(IDS, {1: 5.0}), said(np.zeros(N + 7, bool))
-    row = mover_row(truth, none, np.arange(N) + 7, np.zeros(N), reason_of)
+    row = mover_row(truth, none, np.arange(N) + 7, reason_of)
     (item,) = row.objects
     assert item.lost_by is lost_by
     assert item.place_m == (10.0, 0.0)
@@ -318,5 +308,5 @@ def test_lost_mover_has_what_lost_it(reason, lost_by):
     assert np.array_equal(asked[0], np.flatnonzero(IDS == 1) + 7)
     summary = summary_of([("drive", 0, row), ("drive", 1, row)])
     assert {k: v for k, v in summary.items() if "lost" in k} == {f"lost.{lost_by.value}": 2}
-    found = mover_row(truth, said(IDS == 1), np.arange(N), np.zeros(N), reason_of)
+    found = mover_row(truth, said(IDS == 1), np.arange(N), reason_of)
     assert found.objects[0].lost_by is None
