@@ -121,11 +121,7 @@ class ChamferDistance:
 
 
 def _fresh_field(bench: Workbench, *, is_linear: bool) -> nn.Module:
-    """A fresh field of the paper, or a linear one on a grid around the current and the next sweep.
-
-    Raises:
-        SweepError: If the grid would be too large.
-    """
+    """A fresh field of the paper, or a linear one on a grid around the current and next sweep."""
     if not is_linear:
         return bench.fresh_field()
     points = torch.cat([bench.current.points, bench.next.points]).cpu()

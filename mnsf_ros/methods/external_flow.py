@@ -201,11 +201,7 @@ class PredictionFiles:
 
 
 def _checked(flow: NDArray[Any], num_points: int, source: str) -> NDArray[np.float32]:
-    """Returns the flow as (N, 3) float32.
-
-    Raises:
-        MethodError: It has not a row of three numbers for each point.
-    """
+    """The flow as (N, 3) float32; MethodError unless it has three numbers for each point."""
     if flow.shape != (num_points, 3) or flow.dtype.kind not in "fiu":
         raise MethodError(
             f"{source}: flow has shape {flow.shape} of {flow.dtype}, expected ({num_points}, 3) "

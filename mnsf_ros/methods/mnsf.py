@@ -136,10 +136,7 @@ def mnsf_cycle(bench: Workbench) -> torch.Tensor:
 def _cycle_flow(
     stage: str, bench: Workbench, target: PreparedSweep, schedule: Schedule
 ) -> torch.Tensor:
-    """Minimizes mean D(q, S) + w mean D(q + h(q), S2), with q = p + g(p); (N, 3) metres.
-
-    The inverse field h must bring the moved points back.
-    """
+    """Minimizes mean D(q, S) + w mean D(q + h(q), S2), with q = p + g(p); (N, 3) metres."""
     weight = bench.settings.mnsf_cycle.weight
     there, back = (bench.fresh_field() for _ in range(2))
 

@@ -55,13 +55,7 @@ OPTIMIZER_MODULE: Final = "torch._dynamo"
 
 
 def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any) -> MethodMaker:  # noqa: ANN401 - see below
-    """A method that fits networks.
-
-    Args:
-        path: `MODULE:FUNCTION` of this package.
-        options: Of the function.
-        traits: Of its `NetworkMethod`.
-    """
+    """A method that fits networks: `MODULE:FUNCTION` with its options, and its `NetworkMethod`."""
 
     def make(settings: Settings) -> SceneFlowEstimator:
         if "torch" not in sys.modules:

@@ -93,9 +93,6 @@ class _EndSignals:
 
     `ros2 launch` delivers Ctrl-C twice. Until ROS runs, there is nothing to clean up, and the
     process ends at once. Then rclpy's handlers, which go before those of Python, end the spinning.
-
-    Attributes:
-        are_left_to_rclpy: Whether they are ignored here.
     """
 
     def __init__(self) -> None:
@@ -109,11 +106,7 @@ class _EndSignals:
 
 
 def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:
-    """Answers --help and --version; other options before `--ros-args` are refused.
-
-    Raises:
-        SystemExit: In all these cases, with status 2 after a mistake.
-    """
+    """Answers --help and --version; other options before `--ros-args` end it with status 2."""
     parser = argparse.ArgumentParser(
         prog="scene_flow_lifecycle_node" if has_life_cycle else "scene_flow_node",
         description=_DESCRIPTION + (_LIFE_CYCLE if has_life_cycle else ""),

@@ -269,13 +269,8 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
     for stage in newest.times_ms:
         times = [item.times_ms[stage] for item in estimates if stage in item.times_ms]
         values[f"{stage} median [ms]"] = _number(float(np.median(times)))
-    for stage, fit in newest.fits.items():
-        fits = (item.fits[stage] for item in estimates if stage in item.fits)
-        reasons = Counter(one.stop_reason.value for one in fits)
-        values[f"{stage} iterations, last"] = fit.iterations
-        values[f"{stage} stop reasons, recent"] = ", ".join(
-            f"{reason} {count}" for reason, count in reasons.most_common()
-        )
+    for stage, reason in newest.stop_reasons.items():
+        values[f"{stage} stop reason"] = reason
     return values
 
 

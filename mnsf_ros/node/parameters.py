@@ -120,11 +120,7 @@ def _overrides(node: Node) -> dict[str, Parameter]:
 
 
 def _in_declared_types(node: Node, parameters: list[Parameter]) -> list[Parameter]:
-    """The parameters in their declared types: 60 as 60.0 where a float is declared.
-
-    Raises:
-        UnknownParameterError: If the node does not have one of them.
-    """
+    """The parameters in their declared types: 60 as 60.0 where a float is declared."""
     settings = {setting.name: setting for setting in declared_settings()}
     typed = []
     for item in parameters:
@@ -167,14 +163,7 @@ class RemoteParameters:
         on_values: Callable[[dict[str, Any]], None],
         on_refused: Callable[[str], None],
     ) -> None:
-        """Makes the client of a node.
-
-        Args:
-            node: The own node.
-            remote: Full name of the other node.
-            on_values: Called with all settings by their names, when they are other than before.
-            on_refused: Called with the reason why a value was refused.
-        """
+        """`on_values` gets all settings by name when they change, `on_refused` why one did not."""
         self._remote, self._on_values, self._on_refused = remote, on_values, on_refused
         self._names = [setting.name for setting in declared_settings()]
         self._client = AsyncParameterClient(node, remote)

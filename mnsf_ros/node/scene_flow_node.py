@@ -29,10 +29,7 @@ _ENTITIES = ("timer", "subscription", "service", "client", "publisher")
 
 
 class _FlowNode(Node):
-    """A node with parameters and, while it is configured, the other parts.
-
-    Call `start` after it was made, and `close` before it is destroyed.
-    """
+    """A node with parameters and, from `start` or its configuration to `close`, other parts."""
 
     _parts: SceneFlowParts | None = None
 

@@ -60,13 +60,7 @@ class NodeView(PageView):
     """Subscribes to a node while there are viewers; use it as a context manager."""
 
     def __init__(self, server: PageServer, node: str, flow: str | None = None) -> None:
-        """Joins the ROS graph.
-
-        Args:
-            server: Has the viewers.
-            node: Full name such as `/scene_flow`.
-            flow: Topic of the flow, if it is not `flow` below that name.
-        """
+        """Joins the ROS graph; `flow` is the topic of the flow, if not `flow` below `node`."""
         self._name = f"/{node.strip('/')}"
         super().__init__(server, self._name, Settings(), of_node=True)
         self._topics = {part: f"{self._name}{part}" for part in _PARTS}
@@ -215,12 +209,7 @@ class NodeView(PageView):
 
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
-    """Returns the scene of the messages of one stamp.
-
-    Raises:
-        MessageError: One of them cannot be decoded.
-        ValueError: One of them lacks a field.
-    """
+    """The scene of the messages of one stamp; MessageError or ValueError for unusable ones."""
     xyz, finite = decode_xyz(parts["/flow"])
     points = decode_points(parts["/flow"]).ravel()[finite]
     colors = motion_colors(np.zeros_like(xyz), points["dynamic"] != 0)

@@ -133,10 +133,7 @@ class PageView(ABC):
         ]
 
     def _publish_knobs(self) -> None:
-        """Tells the settings in their groups with values and ranges, and a parameter file.
-
-        Groups that have no effect are left out. The file has all that differs from the defaults.
-        """
+        """Tells the settings of groups that have an effect, and a file of all that are changed."""
         usual = Settings().to_mapping()
         now = self._settings
         changed = [name for name, value in usual.items() if now.value_of(name) != value]

@@ -303,8 +303,7 @@ class TestValues:
             "estimate median [ms]": "3.5",
             "prepare median [ms]": "1.0",
             "forward median [ms]": "2.5",
-            "forward iterations, last": "40",
-            "forward stop reasons, recent": "iteration_limit 3",
+            "forward stop reason": "iteration_limit",
         }
         assert expected.items() <= values.items()
 
