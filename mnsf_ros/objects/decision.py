@@ -218,14 +218,16 @@ def moves(
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
-    standing = suspects.standing
+    standing, expected = suspects.standing, suspects.expected
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
-    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~beams
+    # A track that was seen to move so is no trace of beams: far off, free space cannot tell.
+    goes_on = (expected.evidence > 0) & are_same(moving.motions, expected.motions)
+    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & (~beams | goes_on)
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = (scores > np.log(odds)) & (lengths > _MIN_MOTION_M)
     is_clear &= moving.total < settings.max_unexplained * standing.total
     # What was seen to move goes on, also slower, until standing explains as much.
-    so_far = suspects.expected.evidence
+    so_far = expected.evidence
     is_held = (so_far > 0) & (so_far + scores > 0) & (moving.total < standing.total)
     is_held &= lengths > _MIN_MOTION_M / 2
     is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
