@@ -61,6 +61,7 @@ def test_growing_memory_is_told_from_swinging_memory(reliability, grown_mb, is_m
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("own_domain")
 def test_a_promise_of_the_live_node_is_tried(reliability):
     figures = {
         name: is_met for name, _, is_met in reliability.damaged_clouds(reliability.Rounds(3))
