@@ -58,14 +58,3 @@ def test_growing_memory_is_told_from_swinging_memory(reliability, grown_mb, is_m
     assert [met for _, _, met in reliability.growth(states)] == [is_met, True, True, True]
     states[-1]["threads"] += 1
     assert [met for _, _, met in reliability.growth(states)] == [is_met, True, False, True]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("own_domain")
-def test_a_promise_of_the_live_node_is_tried(reliability):
-    figures = {
-        name: is_met for name, _, is_met in reliability.damaged_clouds(reliability.Rounds(3))
-    }
-    assert figures.pop("log")
-    assert len(figures) == 4
-    assert all(figures.values()), figures
