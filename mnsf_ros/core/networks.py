@@ -37,7 +37,14 @@ class Perceptron(nn.Module):
         num_inputs: int = 3,
         precision: torch.dtype = torch.float32,
     ) -> None:
-        """Makes a fresh network for `num_inputs` columns; the generator is on the CPU."""
+        """Makes a fresh network.
+
+        Args:
+            settings: Number and width of the hidden layers.
+            generator: Source of the start weights, on the CPU.
+            num_inputs: Columns of the input.
+            precision: Of the products between hidden layers.
+        """
         super().__init__()
         widths = [num_inputs, *[settings.hidden_width] * settings.num_hidden_layers, 3]
         self._layers = nn.ModuleList(

@@ -163,7 +163,14 @@ class RemoteParameters:
         on_values: Callable[[dict[str, Any]], None],
         on_refused: Callable[[str], None],
     ) -> None:
-        """`on_values` gets all settings by name when they change, `on_refused` why one did not."""
+        """Makes the client of a node.
+
+        Args:
+            node: The own node.
+            remote: Full name of the other node.
+            on_values: Called with all settings by their names, when they are other than before.
+            on_refused: Called with the reason why a value was refused.
+        """
         self._remote, self._on_values, self._on_refused = remote, on_values, on_refused
         self._names = [setting.name for setting in declared_settings()]
         self._client = AsyncParameterClient(node, remote)

@@ -60,7 +60,13 @@ class NodeView(PageView):
     """Subscribes to a node while there are viewers; use it as a context manager."""
 
     def __init__(self, server: PageServer, node: str, flow: str | None = None) -> None:
-        """Joins the ROS graph; `flow` is the topic of the flow, if not `flow` below `node`."""
+        """Joins the ROS graph.
+
+        Args:
+            server: Has the viewers.
+            node: Full name such as `/scene_flow`.
+            flow: Topic of the flow, if it is not `flow` below that name.
+        """
         self._name = f"/{node.strip('/')}"
         super().__init__(server, self._name, Settings(), of_node=True)
         self._topics = {part: f"{self._name}{part}" for part in _PARTS}
