@@ -19,9 +19,8 @@ from mnsf_ros.core.compute_device import on_device
 from mnsf_ros.settings import DistanceSettings
 
 _PADDING_CELLS = 2
-_EXACT = "donot_use_mm_for_euclid_dist"
 
-# Distances of a CUDA search that are in memory at once: 256 MiB of float32.
+# Pairs of a CUDA search that are in memory at once: 512 MiB of float64.
 _MAX_PAIRS = 64 * 1024 * 1024
 
 
@@ -90,12 +89,15 @@ class NearestNeighborDistance:
             # The tree refuses NaN and infinity; any neighbour will do for a distance that is none.
             _, indices = self._tree.query(positions.nan_to_num().numpy())
             return torch.from_numpy(indices)
-        chunk = max(1, _MAX_PAIRS // len(self._points))
+        # The nearest q has the smallest |q|^2 - 2 p q: one matrix product. In float32 it would be
+        # wrong for neighbours far from the origin.
+        points = self._points.double()
+        squares = points.square().sum(dim=1)
+        chunk = max(1, _MAX_PAIRS // len(points))
         return torch.cat(
             [
-                # By matrix products it is faster, but wrong for neighbours far from the origin.
-                torch.cdist(part, self._points, compute_mode=_EXACT).argmin(dim=1)
-                for part in positions.split(chunk)
+                torch.addmm(squares, part, points.T, alpha=-2).argmin(dim=1)
+                for part in positions.double().split(chunk)
             ]
         )
 
