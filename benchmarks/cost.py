@@ -8,8 +8,6 @@ are those of KITTI 0005 if the shared data is there (see drives.py), and of a si
 a ROS_DOMAIN_ID of its own.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import time

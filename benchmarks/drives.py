@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps with their truth: recorded drives of the shared data, simulated streets, random worlds."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

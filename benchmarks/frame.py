@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The frame of all benchmarks: options, tables, verdicts, and the page with the results."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import math

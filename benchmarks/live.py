@@ -7,8 +7,6 @@ Latency is the time from publication of sweep t+1 to arrival of the flow of t. T
 have nothing else to do. Use a ROS_DOMAIN_ID of its own.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterable, Iterator

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node in a process of its own, fed with serialized clouds over DDS."""
 
-from __future__ import annotations
-
 import os
 import signal
 import struct

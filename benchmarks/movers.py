@@ -10,8 +10,6 @@ worlds from 1,000 on are run once for a report, then the next hundred. The sweep
 kept on disk, about 40 MB each: another program is compared on the same ones in half the time.
 """
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import os

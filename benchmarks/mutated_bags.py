@@ -13,8 +13,6 @@ Verdicts:
 * crash, hang: must not happen either.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

@@ -8,8 +8,6 @@ simulated street. Without CUDA nothing is measured; `--device cpu` tries the scr
 `neural` runs on the CPU only.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@
 On the second half of KITTI 0005, if the shared data is there (see drives.py), and on a street.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

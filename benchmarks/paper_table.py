@@ -9,8 +9,6 @@ or in the folder MNSF_DATA. The triplets have 8,192 points, without ground, in t
 authors of FNSF and MNSF; every one is estimated from scratch.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence

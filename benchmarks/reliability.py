@@ -6,8 +6,6 @@ where a shorter run ended. Ctrl-C ends a promise after its round. Prints the fig
 the document. Use a ROS_DOMAIN_ID of its own.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Loops over points that NumPy needs many passes for, compiled to machine code by Numba."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import logging

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The errors that callers of this package may catch, and texts that fit into any line."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable

@@ -4,8 +4,6 @@
 For comparison: `paper`, the published method, and `authors`, their released code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Scene flow of clouds in arrays: the whole method in one call, without ROS."""
 
-from __future__ import annotations
-
 from numpy.typing import ArrayLike
 
 from mnsf_ros.core.flow_estimate import FlowEstimate

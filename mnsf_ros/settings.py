@@ -6,8 +6,6 @@ ROS parameters, the YAML files in `config/`, command-line help and the table in
 `group.field`, for example `crop.max_range_m`. The defaults are the `online` preset.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -481,7 +479,7 @@ class Settings:
         of_objects = (item.cell_size_m, item.thinning_m, item.max_points, item.max_size_m)
         return (self.ego_motion, self.crop, self.ground, *of_objects)
 
-    def changed(self, values: Mapping[str, object]) -> Settings:
+    def changed(self, values: Mapping[str, object]) -> "Settings":
         """Returns these settings with the values of some full names (`crop.max_range_m`) replaced.
 
         Raises:

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The settings as text: the YAML files in `config/` and the table in `docs/`."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Collection
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Serialized sensor_msgs/PointCloud2: CDR, little-endian."""
 
-from __future__ import annotations
-
 import io
 import struct
 from typing import Any, Final, TypeAlias

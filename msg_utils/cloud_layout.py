@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Layout of the points of a cloud in its data, NumPy views of them, and their encoding."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,7 +33,7 @@ class CloudLayout:
     row_step: int
 
     @classmethod
-    def from_cloud(cls, cloud: PointCloudLike) -> CloudLayout:
+    def from_cloud(cls, cloud: PointCloudLike) -> "CloudLayout":
         """Checks the layout of a message.
 
         `point_step` and `row_step` of a cloud without points may be too small: nothing is read, and
@@ -138,7 +136,7 @@ class EncodedCloud(CloudLayout):
         *,
         is_bigendian: bool = False,
         kept: npt.NDArray[Any] | None = None,
-    ) -> EncodedCloud:
+    ) -> "EncodedCloud":
         """Returns the cloud of a height and a width.
 
         The columns are its last fields; `kept` (height * width,) are the first bytes of each point.

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The one error of this package, and the check of integers, which in Python may be anything."""
 
-from __future__ import annotations
-
 import operator
 import reprlib
 from typing import Final, SupportsIndex

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Simulated sweeps as a turning lidar measures them: each point at its own time, exact truth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

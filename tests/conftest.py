@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A small street whose true flow is known; what needs PyTorch is skipped where there is none."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import signal

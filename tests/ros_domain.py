@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """ROS domains of tests: no two processes of tests on a machine share one."""
 
-from __future__ import annotations
-
 import fcntl
 import itertools
 import os

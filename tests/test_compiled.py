@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Functions that are compiled when their module is imported."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

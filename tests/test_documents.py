@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Documents name what there is: links, files, settings, options; their Python examples run."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Ctrl-C while Python still imports, or already ends: a word and a status, no traceback."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the launch file starts, with the real `launch` where it is installed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PyTorch, ROS and other libraries are needed only where they are used; errors name them."""
 
-from __future__ import annotations
-
 import importlib.util
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Files that repeat each other agree: versions, requirements and pins, settings."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The array API: what comes in, what comes out, what is refused."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

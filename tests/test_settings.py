@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings and presets: one declaration, checked wherever a value comes in."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

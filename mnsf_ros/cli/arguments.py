@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Declaration of arguments, and those that several subcommands have."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +32,7 @@ class Arguments:
     def __init__(self, container: argparse._ActionsContainer) -> None:
         self._container = container
 
-    def group(self, title: str) -> Arguments:
+    def group(self, title: str) -> "Arguments":
         """Returns a new group, which the help shows under its title."""
         return Arguments(self._container.add_argument_group(title))
 

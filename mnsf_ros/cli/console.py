@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The console of all subcommands."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from collections.abc import Iterable

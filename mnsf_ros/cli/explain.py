@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf explain`: why one place of a sweep was called dynamic or not."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The `mnsf` command and its subcommands."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import math

@@ -5,8 +5,6 @@ A few kilobytes of a hostile file can expand to all memory there is. Under the l
 Linux) the allocation fails instead, and Python raises a MemoryError.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

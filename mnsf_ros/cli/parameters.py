@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf parameters`: all settings with their values, as YAML or as a table."""
 
-from __future__ import annotations
-
 import argparse
 
 from mnsf_ros.cli.arguments import Arguments

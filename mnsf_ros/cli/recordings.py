@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf simulate`, `convert` and `play`: recordings that are made, or published."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from contextlib import suppress

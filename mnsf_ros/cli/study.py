@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf study`: the paper's ablation tables and case studies."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

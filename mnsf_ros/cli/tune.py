@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf tune`: settings of the method online fitted to recordings."""
 
-from __future__ import annotations
-
 import argparse
 import shlex
 import sys

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf view`: coloured motion in a browser, of a recording or of the running node."""
 
-from __future__ import annotations
-
 import argparse
 from contextlib import suppress
 

@@ -4,8 +4,6 @@
 PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Final
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 _CPU_BFLOAT16: Final = ("amx_bf16", "avx512_bf16")
 
 
-def compute_device(settings: ComputeSettings) -> torch.device:
+def compute_device(settings: ComputeSettings) -> "torch.device":
     """Returns the device of the settings.
 
     Raises:
@@ -50,7 +48,7 @@ def check_device(settings: ComputeSettings) -> None:
         compute_device(settings)
 
 
-def layer_precision(settings: ComputeSettings) -> torch.dtype:
+def layer_precision(settings: ComputeSettings) -> "torch.dtype":
     """Returns the precision of products between hidden layers.
 
     It is float32 where the device does not compute in bfloat16 itself: there it would be slower.
@@ -71,7 +69,7 @@ def _computes_in_bfloat16(settings: ComputeSettings) -> bool:
     return any(capabilities.get(name) for name in _CPU_BFLOAT16)
 
 
-def on_device(array: NDArray[Any], device: torch.device) -> torch.Tensor:
+def on_device(array: NDArray[Any], device: "torch.device") -> "torch.Tensor":
     """Returns an array on a device; on the CPU it shares the memory if that can be written."""
     import torch
 

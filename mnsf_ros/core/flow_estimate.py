@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The result of an estimate: flow, motion over ground, objects, timings and reasons."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -99,7 +97,7 @@ class OverGround:
     objects: tuple[TrackedObject, ...] = ()
     track_ids: NDArray[np.int32] | None = field(default=None, repr=False)
 
-    def part(self, rows: NDArray[np.int64]) -> OverGround:
+    def part(self, rows: NDArray[np.int64]) -> "OverGround":
         """Returns the same for some points, by their numbers (M,)."""
         return replace(
             self,
@@ -232,7 +230,7 @@ class FlowEstimate:
     num_left_out: int = 0
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 
-    def part(self, rows: NDArray[np.int64]) -> FlowEstimate:
+    def part(self, rows: NDArray[np.int64]) -> "FlowEstimate":
         """Returns the estimate of some points, by their numbers (M,)."""
         known = self.over_ground
         return replace(

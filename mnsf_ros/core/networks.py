@@ -5,8 +5,6 @@ g_invert and g_fusion are steps 3 and 4 of section 3: forward flow f and inverte
 become one flow. With more than three sweeps there are more inverted flows, all fused at once.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import torch

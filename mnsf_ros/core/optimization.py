@@ -5,8 +5,6 @@ Losses are judged on the device that computes them, so that no step on CUDA wait
 read a number; there the steps are recorded once as a graph and replayed.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -93,7 +91,7 @@ def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> Optimiz
     return fit.result()
 
 
-def _take_steps(fit: _Fit, schedule: Schedule) -> None:
+def _take_steps(fit: "_Fit", schedule: Schedule) -> None:
     """Takes steps until the schedule or the loss ends it."""
     advance, is_on_cpu = fit.step, fit.device.type == "cpu"
     at_once = _STEPS_AT_ONCE[fit.device.type]

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reasons of an estimate for calling a place dynamic or static, as terms with their texts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

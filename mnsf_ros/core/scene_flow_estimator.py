@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Interface of all scene flow methods, also of other packages."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -84,7 +82,7 @@ class SceneFlowEstimator(Protocol):
         """
         ...
 
-    def with_settings(self, settings: Settings) -> SceneFlowEstimator:
+    def with_settings(self, settings: Settings) -> "SceneFlowEstimator":
         """Returns an estimator with other settings that keeps all state that is still valid.
 
         That may be networks, a map or poses. This estimator must not be used afterwards.

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The workbench of a method: prepared sweeps, randomness, a clock, and the fits so far."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

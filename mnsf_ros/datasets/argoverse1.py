@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Argoverse 1 tracking data set: a log of PLY sweeps with poses and boxes in JSON files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

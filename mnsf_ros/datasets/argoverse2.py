@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Argoverse 2 sensor data set: a log of Feather files, with boxes or with flow labels."""
 
-from __future__ import annotations
-
 import zipfile
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping

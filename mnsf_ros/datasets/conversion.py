@@ -5,8 +5,6 @@ Each opener raises a DatasetError if a needed file is missing or damaged; so doe
 sweeps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

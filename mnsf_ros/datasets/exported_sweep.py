@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps with an estimate of their flow, for files of other projects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

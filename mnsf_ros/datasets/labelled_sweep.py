@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps of any data set with their labels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
@@ -135,7 +133,7 @@ class SweepSource:
     num_sweeps: int
     sweeps: Iterable[LabelledSweep]
 
-    def part(self, first: int = 0, count: int | None = None) -> SweepSource:
+    def part(self, first: int = 0, count: int | None = None) -> "SweepSource":
         """Returns the sweeps from number `first` on, counted from 0, at most `count` of them.
 
         Raises:

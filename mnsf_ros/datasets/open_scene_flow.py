@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Files of OpenSceneFlow, HDF5 with a group for each sweep: read, and given estimates."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import shutil

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The loss landscape, and the picture of `mnsf explain`, as the bytes of a PNG file."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -33,7 +31,7 @@ _STATE_COLORS: Final = {
 }
 
 
-def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
+def height_maps(title: str, maps: "Mapping[str, pd.DataFrame]") -> bytes:
     """Draws the rise of losses in metres above that in the middle, with the same levels for all.
 
     Each map has losses: (G,) steps as columns, and as rows along the second direction, symmetric,

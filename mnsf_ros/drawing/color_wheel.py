@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The colours of motion in pictures and clouds: direction is the hue."""
 
-from __future__ import annotations
-
 import colorsys
 from typing import Any, Final
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Pictures of sweeps in perspective, moving points coloured, side by side and as an animation."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep made ready for registration: fewer points, and which of them stand on the ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -35,7 +33,7 @@ class Cloud:
     num_standing: int
 
     @classmethod
-    def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> Cloud:
+    def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> "Cloud":
         """Returns the cloud of a sweep.
 
         With a motion, points are moved to where they are in one moment.

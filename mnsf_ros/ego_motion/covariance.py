@@ -5,8 +5,6 @@ They are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rot
 and z in radians.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

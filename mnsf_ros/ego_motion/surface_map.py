@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A map of the surfaces that sweeps have shown, and how well points lie on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -6,8 +6,6 @@ upright pole or edge counts in two directions, what is not flat in none, and poi
 laser not in the direction of its elevation.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

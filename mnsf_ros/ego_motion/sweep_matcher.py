@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Registration of a sweep with a map of the sweeps before it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How the sensor moved while it took a sweep, and points as if they were measured in one moment."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -33,7 +31,9 @@ class SweepMotion:
     moment_s: float
 
     @classmethod
-    def of_step(cls, step: NDArray[np.float64], interval_s: float, moment_s: float) -> SweepMotion:
+    def of_step(
+        cls, step: NDArray[np.float64], interval_s: float, moment_s: float
+    ) -> "SweepMotion":
         """Returns the motion of a step before_from_after (4, 4) within an interval above 0."""
         turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
         # The step is in the axes of its beginning; in a bend the sensor moves along those of the
@@ -49,13 +49,13 @@ class SweepMotion:
         pose[:3, 3] = -self.moment_s * self.velocity[:3]
         return pose
 
-    def is_like(self, other: SweepMotion) -> bool:
+    def is_like(self, other: "SweepMotion") -> bool:
         """Whether two motions move the points of a sweep to about the same places."""
         difference = _GAINS / _GAINS.max() * (self.velocity - other.velocity) * _WITHIN_S
         shift_m, turn_rad = np.linalg.norm(difference[:3]), np.linalg.norm(difference[3:])
         return bool(shift_m + _FAR_M * turn_rad < _MAX_DIFFERENCE_M)
 
-    def towards(self, newer: SweepMotion) -> SweepMotion:
+    def towards(self, newer: "SweepMotion") -> "SweepMotion":
         """Returns the motion on the way to a newer one, so that its noise does not bend sweeps."""
         change = _GAINS * (newer.velocity - self.velocity)
         return SweepMotion(self.velocity + change, newer.moment_s)

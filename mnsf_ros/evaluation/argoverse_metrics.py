@@ -12,8 +12,6 @@
 Both are means over all points of all examples, so an example gives sums, which are added.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Final

@@ -12,8 +12,6 @@ The formulas are those of the paper's own code, at its edges too:
 * The cosine is kept 1e-7 away from ±1, so even a perfect flow has an angle error of 0.00045.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ most of its scored points are dynamic in truth, and found if at least half of th
 dynamic.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace

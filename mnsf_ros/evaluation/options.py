@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The options of an evaluation, its methods and its tasks, small enough to be sent anywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
@@ -97,7 +95,9 @@ class EvaluationOptions:
             **{name: getattr(self, name) for name in others},
         }
 
-    def for_methods(self, methods: Iterable[EvaluatedMethod], *, pairs: bool) -> EvaluationOptions:
+    def for_methods(
+        self, methods: Iterable[EvaluatedMethod], *, pairs: bool
+    ) -> "EvaluationOptions":
         """Returns the options with the sweeps that the methods look at, or two, for an example."""
         number = max([self.num_sweeps, *(one.traits.num_sweeps for one in methods)])
         return replace(self, num_sweeps=_PAIR if pairs else min(number, MAX_SWEEPS))

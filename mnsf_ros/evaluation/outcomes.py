@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Outcomes of examples in a stream: estimated one after the other, or replayed in real time."""
 
-from __future__ import annotations
-
 import logging
 import math
 import time

@@ -5,8 +5,6 @@ Wherever tasks run side by side, each is a `concurrent.futures.Future` of its ev
 the recordings must be at the same path on all machines, and this package installed there.
 """
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Pictures for the report, drawn by the tasks: an animation of the first sweeps, the worst ones."""
 
-from __future__ import annotations
-
 import hashlib
 import heapq
 import math

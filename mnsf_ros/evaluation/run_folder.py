@@ -8,8 +8,6 @@ All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path 
 written as `\udcff`, which is read back from JSON as it was. Numbers that are not finite are `null`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The record of a run: options, methods, recordings, and the facts of its sessions."""
 
-from __future__ import annotations
-
 import datetime
 import os
 import platform
@@ -82,7 +80,7 @@ class RunRecord:
         """Returns the settings of a method, without those set by the evaluator as changes."""
         return used_settings(method, self.options.settings, SET_BY_EVALUATOR)
 
-    def resuming(self, before: RunRecord, folder: Path) -> RunRecord:
+    def resuming(self, before: "RunRecord", folder: Path) -> "RunRecord":
         """Returns the record of a resumed run, which may have more recordings and methods.
 
         Raises:

@@ -12,8 +12,6 @@ value; numbers of points are sums. It adds
 * `movers.FIGURE`, see `_summarize_movers`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields, replace

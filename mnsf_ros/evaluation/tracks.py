@@ -4,8 +4,6 @@
 What is noticed on the way is counted in Findings.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace

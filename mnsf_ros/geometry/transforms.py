@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rigid transforms as (4, 4) float64 `destination_from_source`, and poses in messages."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, TypeAlias
 

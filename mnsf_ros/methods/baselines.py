@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """NSFP and FNSF, the baselines of the paper, and their variants."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Final

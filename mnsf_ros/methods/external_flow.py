@@ -5,8 +5,6 @@ Learned networks run so, in an environment of their own and with the user's weig
 in `docs/evaluation.md`.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -55,7 +53,7 @@ class CommandEstimator:
         self._line, self.settings = line, settings
 
     @classmethod
-    def from_environment(cls, method: str, settings: Settings) -> CommandEstimator:
+    def from_environment(cls, method: str, settings: Settings) -> "CommandEstimator":
         """Makes an estimator of the command in the environment variable of a learned network.
 
         Raises:
@@ -69,7 +67,7 @@ class CommandEstimator:
             )
         return cls(line, settings)
 
-    def with_settings(self, settings: Settings) -> CommandEstimator:
+    def with_settings(self, settings: Settings) -> "CommandEstimator":
         """Returns the same command with other settings."""
         return CommandEstimator(self._line, settings)
 
@@ -158,7 +156,7 @@ class PredictionFiles:
         if not folder or not self._folder.is_dir():
             raise SettingsError(f"file:{folder}: there is no such folder of predictions")
 
-    def with_settings(self, settings: Settings) -> PredictionFiles:
+    def with_settings(self, settings: Settings) -> "PredictionFiles":
         """Returns the same with other settings."""
         return PredictionFiles(str(self._folder), settings)
 

@@ -5,8 +5,6 @@
 settings and the number of fields; `mnsf_cycle` has another loss.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +44,7 @@ class Networks:
     fusion: nn.Module
 
     @classmethod
-    def fresh(cls, bench: Workbench, num_fields: int) -> Networks:
+    def fresh(cls, bench: Workbench, num_fields: int) -> "Networks":
         """Networks with random weights; fields that are fitted jointly have the same."""
         if bench.settings.optimization.joint:
             first = bench.fresh_field()

@@ -5,8 +5,6 @@ With `ego_motion.removed` the sweeps are first moved into the frame of the curre
 the networks explain only what the ego motion does not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -76,7 +74,7 @@ class NetworkEstimator:
         self._prepared: dict[Sweep, PreparedSweep] = {}
         self._poses = SensorPoses(settings.ego_motion)
 
-    def with_settings(self, settings: Settings) -> NetworkEstimator:
+    def with_settings(self, settings: Settings) -> "NetworkEstimator":
         """Returns an estimator with other settings; valid state is kept.
 
         Raises:

@@ -7,8 +7,6 @@ more than three sweeps. Which objects may move, where the fits start and what is
 as in the online method; the last heads, as the tracks expect them, are the warm start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -54,7 +52,7 @@ class FieldFlow(JudgedMotions):
         return np.asarray(self.cost + _PAST_WEIGHT * past, np.float64)
 
     @classmethod
-    def of(cls, points: EncodedPoints, targets: Targets, heads: Heads) -> FieldFlow:
+    def of(cls, points: EncodedPoints, targets: Targets, heads: Heads) -> "FieldFlow":
         """Measures the flow by heads (K, 3, 3) on all targets."""
         near, past = (
             np.stack([points.residuals(target, heads) for target in some], axis=1)

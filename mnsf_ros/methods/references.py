@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reference rows for every table: zero flow, and the flow of a static world."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -65,7 +63,7 @@ class ReferenceEstimator:
             self.traits = replace(self.traits, max_gap_s=settings.ego_motion.max_gap_s)
         self._poses = SensorPoses(settings.ego_motion)
 
-    def with_settings(self, settings: Settings) -> ReferenceEstimator:
+    def with_settings(self, settings: Settings) -> "ReferenceEstimator":
         """Returns the same with other settings; it keeps the poses if they are still valid."""
         other = ReferenceEstimator(self._flow_of, self.traits, settings)
         if settings.ego_motion == self.settings.ego_motion:

@@ -10,8 +10,6 @@ is the name of the method; its object is called with the settings and returns an
 Modules of methods that fit networks are imported when such a method is made: PyTorch takes seconds.
 """
 
-from __future__ import annotations
-
 import logging
 import sys
 from collections.abc import Callable, Mapping

@@ -4,8 +4,6 @@
 No library is imported before signals are handled: Python would answer one with a traceback.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 
@@ -161,7 +159,9 @@ def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
     return status
 
 
-def spin(executor: SingleThreadedExecutor, node: SceneFlowNode | SceneFlowLifecycleNode) -> None:
+def spin(
+    executor: "SingleThreadedExecutor", node: "SceneFlowNode | SceneFlowLifecycleNode"
+) -> None:
     """Runs the node's callbacks until a signal comes; their errors are logged and counted."""
     while executor.context.ok():
         try:

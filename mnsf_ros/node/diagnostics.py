@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node's statuses on /diagnostics: input, flow, ego motion."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

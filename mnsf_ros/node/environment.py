@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node's process: ROS, environment variables, memory, and an end in time."""
 
-from __future__ import annotations
-
 import ctypes
 import faulthandler
 import os

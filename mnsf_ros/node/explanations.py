@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Answers why a place of the last sweeps was called dynamic or static."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Final
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The output topics of an estimate, and its times."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node's log: its settings, faults, and the records of the package."""
 
-from __future__ import annotations
-
 import logging
 import traceback
 from typing import Any, Final, TypeAlias

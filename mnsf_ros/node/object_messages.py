@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tracked objects as messages: cloud, markers, and those of other packages if installed."""
 
-from __future__ import annotations
-
 import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Publishes the messages of a recording at its pace, as `ros2 bag play` does."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import time

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Topics of the ROS graph for programs beside the node, and the topics of lidars."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

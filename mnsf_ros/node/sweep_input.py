@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Input of the pipeline: from topics to sweeps with the pose of the sensor, of all lidars."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Container, Iterator

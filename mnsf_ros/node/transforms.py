@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Transforms between frames, by tf2_ros where it is installed."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """One thread with a last waiting slot: a newer job takes the place of the one that waits there."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections import deque

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A stream of sweeps whose halves run in worker threads, as does its output, and its statistics."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reading recordings of any ROS version: rosbag2 (mcap, sqlite3) and ROS 1 bags."""
 
-from __future__ import annotations
-
 import copy
 import math
 import shutil
@@ -65,7 +63,7 @@ class BagReader:
         self._files: list[StorageFile] = []
         self._stack = ExitStack()
 
-    def __enter__(self) -> BagReader:
+    def __enter__(self) -> "BagReader":
         """Opens the recording.
 
         Raises:
@@ -107,7 +105,7 @@ class BagReader:
         first_ns = min((one.first_ns for one in files), default=0)
         return int(first_ns), int(max((one.last_ns for one in files), default=first_ns))
 
-    def since(self, start_ns: int) -> BagReader:
+    def since(self, start_ns: int) -> "BagReader":
         """Returns the open recording without messages that were received before a time."""
         later = copy.copy(self)
         later._start_ns = start_ns

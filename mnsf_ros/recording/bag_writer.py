@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Writing recordings as rosbag2 folders in mcap format, all or nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -100,7 +98,7 @@ class BagWriter:
         self._writer: RosbagsWriter | None = None
         self._stack = ExitStack()
 
-    def __enter__(self) -> BagWriter:
+    def __enter__(self) -> "BagWriter":
         """Opens a draft beside the path.
 
         Raises:

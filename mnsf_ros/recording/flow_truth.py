@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """True flow of a sweep, and the sweep with it, see `docs/recordings.md`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -72,7 +70,7 @@ class FlowTruth:
         """Returns the number of points."""
         return len(self.flow)
 
-    def of_points(self, rows: NDArray[np.int64]) -> FlowTruth:
+    def of_points(self, rows: NDArray[np.int64]) -> "FlowTruth":
         """Returns the truth of the points in these rows."""
         names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
         known = {name: getattr(self, name) for name in names}
@@ -97,7 +95,7 @@ class FlowTruth:
         return encode_columns(columns, 1, len(self))
 
     @classmethod
-    def decode(cls, message: PointCloudLike) -> FlowTruth:
+    def decode(cls, message: PointCloudLike) -> "FlowTruth":
         """Returns the truth in a sensor_msgs/PointCloud2.
 
         Raises:

@@ -5,8 +5,6 @@ Chunks are verified by their checksums. A damaged chunk is left out where the in
 next one; without an index, reading ends at the first damaged length.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """ROS 1 bags, whose messages are converted to those of ROS 2."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What files of all formats have in common: topics, messages, and damage with its place."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -40,7 +38,7 @@ class Damage:
     is_memory: bool = False
 
     @classmethod
-    def of(cls, file: Path, position: str, error: Exception, text: str) -> Damage:
+    def of(cls, file: Path, position: str, error: Exception, text: str) -> "Damage":
         """Returns the damage described by a text and the error that is its reason."""
         cause = reason(error)
         remedies = [f" ({remedy})" for words, remedy in _REMEDIES.items() if words in cause]

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reasons for calling a place of a sweep dynamic or static, as text."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A table of finished cells: for the terminal, as Markdown and as LaTeX."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Sequence

@@ -6,8 +6,6 @@ and three arrays of direction components; ranges come back in units of the direc
 `inf` where the ray misses. A ray that starts inside a shape does not see it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rays of a lidar, and the first hit of each."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -41,7 +39,7 @@ class Rays:
         """Numbers of columns and of beams."""
         return len(self.azimuth), self.elevations.shape[1]
 
-    def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
+    def directions(self, frame_from_lidar: FloatArray, window: "Window") -> Directions:
         """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
         columns, beams = window
         cos_azimuth, sin_azimuth = (part[columns, None] for part in self._ahead)

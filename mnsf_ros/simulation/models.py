@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The catalogue of things on a street. Each function draws one specimen from a generator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

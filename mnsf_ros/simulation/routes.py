@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Routes of moving things, speeds along them, and clearance between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -59,7 +57,7 @@ class Route:
     slope: Slope = LEVEL
 
     @classmethod
-    def through(cls, points: FloatArray, slope: Slope = LEVEL) -> Route:
+    def through(cls, points: FloatArray, slope: Slope = LEVEL) -> "Route":
         """Returns the route that visits the (M, 2) points, given in metres, in order."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         arc_m = np.concatenate([[0.0], np.cumsum(steps)])
@@ -76,7 +74,7 @@ class Route:
         """Returns the arc length in metres of the route point nearest to (x, y)."""
         return float(self.arc_m[np.argmin(np.hypot(*(self.points - (x, y)).T))])
 
-    def beside(self, left_m: float) -> Route:
+    def beside(self, left_m: float) -> "Route":
         """Returns the route so many metres to the left."""
         left = np.stack([-np.sin(self.yaw), np.cos(self.yaw)], axis=1)
         return Route.through(self.points + left_m * left, self.slope)
@@ -102,7 +100,7 @@ class SpeedProfile:
     speeds_m_s: FloatArray
 
     @classmethod
-    def steady(cls, speed_m_s: float) -> SpeedProfile:
+    def steady(cls, speed_m_s: float) -> "SpeedProfile":
         """Returns a profile of constant speed."""
         return cls(np.array([0.0]), np.array([speed_m_s]))
 
@@ -128,7 +126,7 @@ class Trip:
     start_arc_m: float
 
     @classmethod
-    def starting_at(cls, route: Route, profile: SpeedProfile, arc_m: float) -> Trip:
+    def starting_at(cls, route: Route, profile: SpeedProfile, arc_m: float) -> "Trip":
         """Returns the trip that is at an arc length at time 0."""
         return cls(route, profile, arc_m - float(profile.distances(np.zeros(1))[0]))
 

@@ -5,8 +5,6 @@ World frame: z = 0 is the asphalt, the street runs roughly along +x, traffic kee
 `lateral` is the distance to the left of the center line in metres.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -63,7 +61,7 @@ class Centerline:
         sideways: FloatArray = np.reshape(lateral, (-1, 1)) * left
         return np.stack([x, self.offset(x)], axis=1) + sideways
 
-    def crossings(self, x: FloatArray) -> tuple[Crossing, ...]:
+    def crossings(self, x: FloatArray) -> "tuple[Crossing, ...]":
         """Returns side streets at (T,) x, metres."""
         places = np.stack([x, self.offset(x), self.heading(x)], axis=1)
         return tuple(Crossing(*place) for place in places.tolist())

@@ -4,8 +4,6 @@
 The ego vehicle begins near x = 0 and looks along +x.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence

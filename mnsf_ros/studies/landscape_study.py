@@ -6,8 +6,6 @@ Li et al. 2018): every row of a weight matrix of the direction has the length of
 optimum, and biases stay. Without that, networks of different scale could not be compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 

@@ -6,8 +6,6 @@ points. The study measures that change: a method runs on sweeps of N points, the
 with one point replaced by another of the full sweep, from the same start weights.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

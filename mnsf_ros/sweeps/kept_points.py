@@ -4,8 +4,6 @@
 Ground points are those close above a height map from which objects were removed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep, the triplet of one estimate, and its stretch of the stream."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Final
@@ -61,7 +59,7 @@ class Sweep:
         """The kept points, (M, 3) metres; all points without a choice."""
         return self.xyz if self.kept is None else self.xyz[self.kept]
 
-    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Sweep:
+    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Sweep":
         """Returns some points, by a mask (N,) or their numbers, with their columns.
 
         The `source` stays that of all points.
@@ -76,7 +74,7 @@ class Sweep:
     @classmethod
     def from_array(
         cls, points: object, *, name: str = "points", stamp_ns: int = 0, frame_id: str = ""
-    ) -> Sweep:
+    ) -> "Sweep":
         """Checks an array of points in metres, (N, 3) or wider, and makes a sweep of it.
 
         Columns beyond the third are ignored. `name` is the name of the array in error texts.

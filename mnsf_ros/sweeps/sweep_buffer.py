@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The last few sweeps in stamp order, and whether one continues another."""
 
-from __future__ import annotations
-
 from collections import deque
 from enum import Enum
 
@@ -21,7 +19,7 @@ class Arrival(Enum):
     FRAME_CHANGED = "frame_changed"  # other frame_id: buffer starts anew
 
     @classmethod
-    def of(cls, sweep: Sweep, last: Sweep, max_gap_s: float, min_gap_s: float = 0.0) -> Arrival:
+    def of(cls, sweep: Sweep, last: Sweep, max_gap_s: float, min_gap_s: float = 0.0) -> "Arrival":
         """How a sweep follows the last one, by their header stamps and frames only."""
         if sweep.frame_id != last.frame_id:
             return cls.FRAME_CHANGED

@@ -4,8 +4,6 @@
 Every function here raises a DatasetError of one line that names a missing or damaged file.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PointCloud2 to sweep, and flow to PointCloud2, for live and recorded messages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

@@ -4,8 +4,6 @@
 Optuna's journal of trials is the state from which a search is resumed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -208,7 +206,7 @@ def check_optuna() -> None:
 
 def _open_study(
     folder: Path, identity: Mapping[str, object], seed: int, *, resume: bool
-) -> optuna.Study:
+) -> "optuna.Study":
     """Opens the trials in a folder, which is made if it is not there.
 
     Raises:
@@ -241,7 +239,7 @@ def _open_study(
 
 
 def _best_values(
-    study: optuna.Study,
+    study: "optuna.Study",
     start: Values,
     num_trials: int,
     watch: Watch,
@@ -250,10 +248,10 @@ def _best_values(
     """Runs the trials that are left, the first one with the values `start`."""
     settings = [declared_setting(name) for name in start]
 
-    def tried(trial: optuna.Trial) -> float:
+    def tried(trial: "optuna.Trial") -> float:
         return min(cost_of({one.name: _suggested(trial, one) for one in settings}), _WORST)
 
-    def say(study: optuna.Study, _: object) -> None:
+    def say(study: "optuna.Study", _: object) -> None:
         text = f"trials, lowest cost {study.best_value:.4f}"
         watch(text, _num_done(study), num_trials)
 
@@ -264,11 +262,11 @@ def _best_values(
     return {one.name: one.checked(_rounded(study.best_params[one.name])) for one in settings}
 
 
-def _num_done(study: optuna.Study) -> int:
+def _num_done(study: "optuna.Study") -> int:
     return sum(trial.value is not None for trial in study.get_trials(deepcopy=False))
 
 
-def _suggested(trial: optuna.Trial, setting: Setting) -> SettingValue:
+def _suggested(trial: "optuna.Trial", setting: Setting) -> SettingValue:
     low, high = setting.tuned or (0, 0)
     if setting.kind is int:
         return trial.suggest_int(setting.name, int(low), int(high))

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A running node on the page: its flow, its status, its parameters."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Mapping

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Server of the page: its files, and a WebSocket for each viewer with the newest messages."""
 
-from __future__ import annotations
-
 import asyncio
 import ipaddress
 import json

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the views of a recording and of a node share: commands of viewers, and parameters."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -45,7 +43,7 @@ class Asked:
     track: int
 
     @classmethod
-    def by(cls, command: Mapping[str, Any]) -> Asked | None:
+    def by(cls, command: Mapping[str, Any]) -> "Asked | None":
         """Returns what a command asks for; None for nothing, or nothing usual."""
         match command:
             case {"at": [x, y], "track": int(track)} if are_usual(x, y, track):

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """One sweep as the page draws it: points with colours, boxes, and paths over ground."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections import deque

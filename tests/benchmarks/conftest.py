@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The benchmarks, which are scripts beside the package, as modules."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

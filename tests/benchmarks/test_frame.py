@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The frame of the benchmarks: verdicts, sections of a document, and scripts that can start."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

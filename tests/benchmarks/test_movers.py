@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`make benchmark-movers`: figures of random worlds, of a world, and targets."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

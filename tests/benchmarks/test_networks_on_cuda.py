@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script that checks and times the networks on CUDA, tried on the CPU."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`make benchmark`: runs of `mnsf evaluate`, and their tables."""
 
-from __future__ import annotations
-
 import sys
 
 import pandas as pd

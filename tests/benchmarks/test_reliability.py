@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script that measures promises: rounds, verdicts, growth."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf explain`: what it says of a place, and what it cannot say."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

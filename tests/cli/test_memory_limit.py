@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The memory limit of commands; what hostile files do under it is in tests/recording."""
 
-from __future__ import annotations
-
 import os
 import resource
 

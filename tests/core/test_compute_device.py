@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Device, precision and threads of networks."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

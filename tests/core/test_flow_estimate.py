@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Times, and results shown in one line."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

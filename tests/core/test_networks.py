@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The network of a field: depth, first weights and precision."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The Adam loop, on networks that are one table of weights."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

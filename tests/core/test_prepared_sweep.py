@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps prepared once, used as next, current and previous."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

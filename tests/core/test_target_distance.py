@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """D(p, S) against brute force: the distance transform, the search, and the choice between them."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Inversion of the backward flow, and fusion of f and f': mean, weighted sum, network."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf convert`: one command for all formats."""
 
-from __future__ import annotations
-
 import argparse
 import re
 

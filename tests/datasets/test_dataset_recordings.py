@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Recordings of labelled sweeps: complete or not at all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tiny_world

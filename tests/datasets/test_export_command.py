@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf export`: estimates in the files of OpenSceneFlow and Argoverse 2, read back."""
 
-from __future__ import annotations
-
 import pickle
 import zipfile
 from io import BytesIO

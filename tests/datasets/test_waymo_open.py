@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Waymo Open: range images of two lidars in Parquet files."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import NamedTuple

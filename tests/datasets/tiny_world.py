@@ -5,8 +5,6 @@ Tests write it in the layout of a data set, convert it, and compare what comes o
 ground and the walls move as the vehicle does, the points of a car as its box does.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Colors of flow, by their laws."""
 
-from __future__ import annotations
-
 import colorsys
 
 import numpy as np

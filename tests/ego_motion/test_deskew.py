@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps that are bent by the motion of the sensor while it turns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

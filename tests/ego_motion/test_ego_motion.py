@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses of a sensor on a street of boxes, by registration, by odometry, and when either is lost."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from box_street import BoxStreet, angle_deg, distance_m, pose, unrelated_sweep

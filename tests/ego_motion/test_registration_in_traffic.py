@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Registration on streets full of traffic and on empty squares, at speed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses of sweeps that are in several triplets."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Surfaces of a map against plain answers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from box_street import pose

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tiny recordings with truth, and all that is needed to evaluate them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf evaluate` as users run it, on recordings that take a second."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

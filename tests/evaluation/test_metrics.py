@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Errors of a flow: values worked out by hand, thresholds hit exactly, and the odd cases."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

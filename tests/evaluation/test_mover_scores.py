@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Scores of movers: points, false movers, objects over time."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A few of the damaged recordings that benchmarks/mutated_bags.py makes by the thousand."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A new method is one class and one line in the registry; then it runs everywhere."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

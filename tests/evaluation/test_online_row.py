@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The row `online` of an evaluation is what the live node gives."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

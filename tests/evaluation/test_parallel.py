@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tasks in processes and on a Ray cluster give the same as in this process, to the last digit."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

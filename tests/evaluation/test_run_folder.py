@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The files of a run, and which of its tasks are left when it is resumed."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Summaries of rows: means over examples, counts, and errors over all points."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """One method on one recording: rows, findings and kept flow of a task."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Truth and poses that are read along with the sweeps."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

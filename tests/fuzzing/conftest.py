@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How long is searched: seconds in the tests, as long as is asked for with `make fuzz`."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Whatever a cloud says of itself: points that fit, or a MessageError, and little memory."""
 
-from __future__ import annotations
-
 import tracemalloc
 from types import SimpleNamespace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Damaged and made-up files of every format: what is read, or one line that says why not."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

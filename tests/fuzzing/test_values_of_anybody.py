@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings of any value: one that fits, or an error of one line."""
 
-from __future__ import annotations
-
 import math
 
 from hypothesis import given

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses in messages <-> matrices, with one tolerance for live and recorded ones."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

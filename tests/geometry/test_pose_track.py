@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses of the robot by odometry, and the sensor's pose at the stamps of sweeps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from box_street import distance_m, pose

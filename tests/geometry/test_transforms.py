@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rigid transforms: interpolation, inverse, and where a sensor is mounted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from box_street import pose

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A street seen from a sensor that moves."""
 
-from __future__ import annotations
-
 import pytest
 from moving_sweeps import moving_triplet
 

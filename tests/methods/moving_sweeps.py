@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps whose flow is known, and settings that make every method fast."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mnsf_ros.presets import preset

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The settings that reproduce what the authors' code does and the paper does not say."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from moving_sweeps import QUICK, mean_error

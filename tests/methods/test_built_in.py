@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Every built-in method on sweeps whose flow is known; ablations do what their names say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Networks in a world that stands still: the sensor's own motion is found first."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Other programs as methods: real scripts in real processes."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from dataclasses import replace

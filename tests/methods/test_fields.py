@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The linear field and NSFP's loss, against their definitions written out."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The whole method on a small street whose flow is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

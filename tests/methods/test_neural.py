@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The live method on a street of boxes, one of which drives while the sensor does, too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Methods by name: ours, and those of packages that are really installed."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`compute.num_threads` holds for every library that a method calls."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

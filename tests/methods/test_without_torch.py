@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PyTorch takes seconds to import: only methods that fit networks do it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds of any values, also of those that no real message can hold."""
 
-from __future__ import annotations
-
 import struct
 from types import SimpleNamespace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Serialized clouds: the bytes that rclpy makes of the same message."""
 
-from __future__ import annotations
-
 from array import array
 from dataclasses import asdict
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Decoded clouds: values against struct, one mask for all columns, memory, and odd layouts."""
 
-from __future__ import annotations
-
 import array
 import random
 import struct

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Encoded clouds, of columns alone or of another cloud with columns; bytes against struct."""
 
-from __future__ import annotations
-
 import random
 import re
 import struct

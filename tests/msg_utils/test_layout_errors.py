@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Layouts that contradict themselves: one clear line each, whatever function meets them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

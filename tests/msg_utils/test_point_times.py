@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Times of points, as drivers write them, and what cannot be times."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

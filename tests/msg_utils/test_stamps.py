@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Header stamps: both directions, and values that a careless or hostile sender may set."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The real node in its own process, and a node of the tests that talks to it over real DDS."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import os

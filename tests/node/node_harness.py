@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The scene flow node in its own process, and its other end: lidar, listener, parameter client."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

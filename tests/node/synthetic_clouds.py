@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small clouds of the surfaces of boxes that all move alike, and objects of any kind."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Levels, messages and values on /diagnostics, for what may happen to a node."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

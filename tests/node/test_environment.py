@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node's process: transport of large clouds, memory, and an end where a library hangs."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`~/explain` and `~/explanation`: the terms of the decision about a place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

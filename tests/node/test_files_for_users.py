@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The files for RViz and SROS 2 name the topics and services of the node."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

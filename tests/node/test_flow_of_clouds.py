@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow cloud: fields, points and values of its input cloud, and the flow of each point."""
 
-from __future__ import annotations
-
 import numpy as np
 from moving_boxes import MOTION
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy

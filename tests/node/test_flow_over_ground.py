@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Velocities over ground, objects, and the ego motion."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Bad clouds, stamps and times are counted and said once; the flow goes on."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscription follows its publishers, and counts the clouds that it has missed."""
 
-from __future__ import annotations
-
 import pytest
 import rclpy
 from moving_boxes import surfaces

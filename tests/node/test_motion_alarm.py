@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The program of docs/recipes.md that warns of what moves."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

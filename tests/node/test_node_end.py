@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Signals at any time: the node ends in order, whatever it is doing."""
 
-from __future__ import annotations
-
 import itertools
 import signal
 import threading

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Faults that go on are logged at a low rate; the greeting names the settings."""
 
-from __future__ import annotations
-
 from mnsf_ros.node.node_log import FaultLog, greeting
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings

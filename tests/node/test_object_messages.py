@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Messages of objects: cloud, markers, and those of other packages."""
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 import types

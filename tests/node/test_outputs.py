@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The output topics: parts of the flow, layouts, objects; each is built for subscribers only."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moving_boxes import surfaces

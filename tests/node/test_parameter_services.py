@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings as parameters: described, checked, changed while the node runs."""
 
-from __future__ import annotations
-
 import math
 import re
 

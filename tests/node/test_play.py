@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording is published as it was recorded."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys

@@ -4,8 +4,6 @@
 Few machines have tf2_ros: it is replaced, but for one test with the real one.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys

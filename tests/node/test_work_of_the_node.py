@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """When the node works: for subscribers, unless it is disabled, as fast as it can, on any clock."""
 
-from __future__ import annotations
-
 import itertools
 import time
 

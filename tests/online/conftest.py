@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps of moving boxes, quick settings, and waiting for another thread."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

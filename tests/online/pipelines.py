@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Both ends of a pipeline: gates that hold it up, and what it hands out."""
 
-from __future__ import annotations
-
 import threading
 
 from mnsf_ros.core.scene_flow_estimator import never

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What a stream takes for continuous, and what holds on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

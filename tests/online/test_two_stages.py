@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps are prepared, estimated and handed out at once, which changes no flow."""
 
-from __future__ import annotations
-
 import threading
 import time
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small recordings that expand to gigabytes or millions of messages, or compute for ever."""
 
-from __future__ import annotations
-
 import bz2
 import sqlite3
 import struct

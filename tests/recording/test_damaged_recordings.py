@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What can still be read of damaged recordings, and what is said about the rest."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

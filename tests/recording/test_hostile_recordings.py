@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small files that expand to gigabytes or compute for ever, under the memory limit of a command."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

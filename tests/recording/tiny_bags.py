@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tiny recordings of every kind, written where a test wants them."""
 
-from __future__ import annotations
-
 import numpy as np
 from bag_messages import cloud_cdr
 from mcap.writer import CompressionType, IndexType

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rows and the record of a small run, without any file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits

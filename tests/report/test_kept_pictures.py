@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Pictures of a report: drawn during the run, of the first and of the worst sweeps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Protocol and notes of a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The report has the run and its results, is a page by itself, and lets nothing in or out."""
 
-from __future__ import annotations
-
 import os
 import re
 from html.parser import HTMLParser

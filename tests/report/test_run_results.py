@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Results of a run: what is worst, what was missed, and their files."""
 
-from __future__ import annotations
-
 import csv
 import io
 import resource

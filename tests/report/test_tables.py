@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tables of finished cells: on terminals of any width, as Markdown and as LaTeX."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

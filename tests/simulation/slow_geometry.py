@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Slow, obvious geometry that the simulator is compared with."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mnsf_ros.simulation.bodies import ShapeKind

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rays of the simulated lidar, against slow and obvious geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from slow_geometry import signed_distance

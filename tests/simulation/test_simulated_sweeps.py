@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Simulated sweeps: exact truth in random worlds, lidars that roll, rain, glass, and settings."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

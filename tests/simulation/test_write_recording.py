@@ -1,6 +1,4 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from recorded_truth import read_sensor_poses, read_truth

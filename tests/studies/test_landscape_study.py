@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The loss around an optimum: known bowls have known rises, and weights stay as they were."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

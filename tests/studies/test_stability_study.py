@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Replacing points: an estimator whose change is exactly one over N shows a slope of -1."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Every study from its name to its files, on a tiny street and with few steps."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from functools import cache

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Crop and ground. Defaults of the ground: 8 m window, 0.2 m margin."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

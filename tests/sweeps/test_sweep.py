@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps and triplets: arrays are checked once, and the intervals are right."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

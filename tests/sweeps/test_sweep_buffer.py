@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The buffer gives three consecutive sweeps, whatever arrives. Defaults: gap above 0.5 s."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small files that expand beyond the memory limit of a command: one line, exit status 3."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import zipfile

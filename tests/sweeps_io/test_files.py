@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Files of any origin: read or refused in one line; written as a whole or not at all."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Columns of the output clouds: a row of a table is all that a new field needs."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Without labels: the truth costs least; neither everything static nor everything dynamic wins."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

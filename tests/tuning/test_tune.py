@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf tune` as users run it, and what it promises: figures of `mnsf evaluate`, two halves."""
 
-from __future__ import annotations
-
 import os
 import sys
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A headless Chromium, driven by its DevTools protocol."""
 
-from __future__ import annotations
-
 import base64
 import io
 import itertools
@@ -90,7 +88,7 @@ class Browser:
             self._process.kill()
             raise
 
-    def __enter__(self) -> Browser:
+    def __enter__(self) -> "Browser":
         return self
 
     def __exit__(self, *_: object) -> None:

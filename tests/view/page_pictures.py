@@ -4,8 +4,6 @@
 python tests/view/page_pictures.py RECORDING SECOND FOLDER
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from pathlib import Path

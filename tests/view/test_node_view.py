@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A node's messages on the page: scenes of one stamp, and only while somebody watches."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Iterator

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the page draws over the points: legend and labels, in a browser."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Who is served by the page server, and with what."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import re

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording under the control of viewers: positions, layers, parameters, reasons."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf view` in a browser: the page plays, steps, changes parameters and explains."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys
