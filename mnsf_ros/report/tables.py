@@ -2,7 +2,7 @@
 """The tables of a run: columns of its summary with titles, units and decimals."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 import pandas as pd
@@ -42,7 +42,6 @@ def _percent(title: str, better: Better = None) -> Column:
 
 
 _NUM_LISTED: Final = 10
-_EPE: Final = ".epe_m"
 _TIME: Final = Column("time (ms)", 0, "min")
 # The paper's column order.
 _ERRORS: Final = {
@@ -149,8 +148,6 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
     tables = [
         _part_table(summary, "three_way", _THREE_WAY, three_way),
         _part_table(summary, "bucketed", bucketed, bucketed_title),
-        _bins_table(summary, "by_range", "EPE (m) in bins of range", "m"),
-        _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
         _objects_table(summary, list(MOVER_GROUPS)[2:]),
         _part_table(summary, "movers.lost", _LOST, lost),
         _made_table(summary, _WORK, work),
@@ -186,22 +183,6 @@ def _objects_table(summary: pd.DataFrame, groups: Iterable[str]) -> TextTable:
     }
     frame = pd.DataFrame.from_dict(lines, orient="index")
     return _made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
-
-
-def _bins_table(summary: pd.DataFrame, field: str, title: str, unit: str) -> TextTable:
-    limits = [name for name in part_of(summary, field) if name.endswith(_EPE)]
-    limits.sort(key=lambda name: float(name.removesuffix(_EPE)))
-    names = bin_names([name.removesuffix(_EPE) for name in limits])
-    named = zip(limits, names, strict=True)
-    columns = {limit: Column(f"{name} {unit}", 3, "min") for limit, name in named}
-    return _made_table(part_of(summary, field), columns, title)
-
-
-def bin_names(limits: Sequence[str]) -> list[str]:
-    """Returns names of bins from their upper limits in ascending order."""
-    lows = ["0", *limits]
-    pairs = zip(lows, limits, strict=False)
-    return [f"{low}+" if high == "inf" else f"{low}\N{EN DASH}{high}" for low, high in pairs]
 
 
 def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:
