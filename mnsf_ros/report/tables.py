@@ -11,7 +11,7 @@ from mnsf_ros.evaluation.argoverse_metrics import THREE_WAY
 from mnsf_ros.evaluation.movers import LostBy, ObjectRow
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, errors_in, part_of
-from mnsf_ros.report.text_table import NO_VALUE, Better, TextTable, format_number
+from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_number
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
@@ -21,13 +21,11 @@ class Column(NamedTuple):
     Attributes:
         title: Title with unit.
         decimals: Digits behind the point; None for whole numbers with commas.
-        better: Its best value, if it has one.
         factor: Factor from values to the unit of the title, 100 for shares in percent.
     """
 
     title: str
     decimals: int | None = 3
-    better: Better = None
     factor: float = 1.0
 
     def cell(self, value: float) -> str:
@@ -37,31 +35,31 @@ class Column(NamedTuple):
         return format_number(value * self.factor, self.decimals or 0)
 
 
-def _percent(title: str, better: Better = None) -> Column:
-    return Column(f"{title} (%)", 1, better, 100.0)
+def _percent(title: str) -> Column:
+    return Column(f"{title} (%)", 1, 100.0)
 
 
 _NUM_LISTED: Final = 10
-_TIME: Final = Column("time (ms)", 0, "min")
+_TIME: Final = Column("time (ms)", 0)
 # The paper's column order.
 _ERRORS: Final = {
-    "epe_m": Column("EPE (m)", 3, "min"),
-    "acc5": _percent("Acc5", "max"),
-    "acc10": _percent("Acc10", "max"),
-    "outliers": _percent("Outliers", "min"),
-    "angle_error_rad": Column("angle (rad)", 3, "min"),
+    "epe_m": Column("EPE (m)", 3),
+    "acc5": _percent("Acc5"),
+    "acc10": _percent("Acc10"),
+    "outliers": _percent("Outliers"),
+    "angle_error_rad": Column("angle (rad)", 3),
 }
 _CALLED_DYNAMIC: Final = {
-    "precision": _percent("precision", "max"),
-    "recall": _percent("recall", "max"),
-    "iou": _percent("IoU", "max"),
-    "ghosts_per_sweep": Column("false movers per sweep", 2, "min"),
-    "ghost_sweeps": _percent("sweeps with one", "min"),
+    "precision": _percent("precision"),
+    "recall": _percent("recall"),
+    "iou": _percent("IoU"),
+    "ghosts_per_sweep": Column("false movers per sweep", 2),
+    "ghost_sweeps": _percent("sweeps with one"),
 }
 _TRACKED: Final = {
-    "velocity_error_m_s": Column("velocity error (m/s)", 2, "min"),
-    "direction_error_deg": Column("direction error (deg)", 1, "min"),
-    "after_stop_s": Column("after a stop (s)", 1, "min"),
+    "velocity_error_m_s": Column("velocity error (m/s)", 2),
+    "direction_error_deg": Column("direction error (deg)", 1),
+    "after_stop_s": Column("after a stop (s)", 1),
 }
 _OBJECTS: Final = {
     "found": _percent("found"),
@@ -83,7 +81,7 @@ _CONSISTENCY: Final = {
     "nearest_m": Column("nearest point, moved (m)"),
     "zero_nearest_m": Column("nearest point, unmoved (m)"),
 }
-_THREE_WAY: Final = {name: Column(name, 4, "min") for name in (*THREE_WAY, "mean")}
+_THREE_WAY: Final = {name: Column(name, 4) for name in (*THREE_WAY, "mean")}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
 _GROUP_TITLES: Final = {
     "all": "All points",
@@ -101,8 +99,7 @@ def _made_table(
         [str(name), *map(Column.cell, columns.values(), line)]
         for name, line in zip(values.index, values.to_numpy(), strict=True)
     ]
-    better = [None, *(column.better for column in columns.values())]
-    return TextTable([row_title, *(one.title for one in columns.values())], rows, title, better)
+    return TextTable([row_title, *(one.title for one in columns.values())], rows, title)
 
 
 def errors_table(errors: pd.DataFrame, title: str = "", row_title: str = "method") -> TextTable:
@@ -137,7 +134,7 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
     classes = {name: name.replace(".", " ") for name in part_of(summary, "bucketed")}
     # The mean over the classes comes last.
     classes = dict(sorted(classes.items(), key=lambda item: item[0].startswith("mean.")))
-    bucketed = {name: Column(title, 3, "min") for name, title in classes.items()}
+    bucketed = {name: Column(title, 3) for name, title in classes.items()}
     bucketed_title = (
         "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
         "dynamic (1: ego motion only) and static (m)"

@@ -3,18 +3,15 @@
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import pandas as pd
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
 from mnsf_ros.errors import plain_text
-
-# Which value of a column is the best.
-Better = Literal["min", "max"] | None
 
 NO_VALUE: Final = "-"
 
@@ -27,13 +24,11 @@ class TextTable:
         header: C column titles.
         rows: Rows of C cells.
         title: Caption; may be empty.
-        better: For each column the best value, if it has one; may be empty.
     """
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     title: str = ""
-    better: Sequence[Better] = ()
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -44,20 +39,6 @@ class TextTable:
     def has_values(self) -> bool:
         """Whether a cell beside the names of the rows has a value."""
         return any(cell != NO_VALUE for row in self.rows for cell in row[1:])
-
-    def best_cells(self, references: Collection[str]) -> set[tuple[int, int]]:
-        """Returns row and column of the best values, where rows differ.
-
-        Rows of references only show the scale, and never are the best.
-        """
-        rivals = [place for place, row in enumerate(self.rows) if row[0] not in references]
-        numbers = self.frame.apply(pd.to_numeric, errors="coerce").iloc[rivals]
-        best = set()
-        for place, better in enumerate(self.better):
-            values = numbers.iloc[:, place]
-            if better and values.nunique() > 1:
-                best |= {(row, place) for row in values.index[values == values.agg(better)]}
-        return best
 
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""

@@ -62,13 +62,6 @@ def test_the_run_its_means_and_the_worst_sweeps_are_there(tmp_path):
     assert places == sorted(places)
 
 
-def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
-    found = [row(1, "mnsf", 0.2), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
-    source = report(tmp_path, found, run_record()).source
-    assert '<td class="best">0.200</td>' in source
-    assert '<td class="best">0.100</td>' not in source
-
-
 def test_nothing_is_loaded_and_every_picture_says_what_it_shows(tmp_path):
     page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2)])
     assert page.all("script") == []

@@ -43,20 +43,6 @@ def test_errors_in_the_order_of_the_paper_and_in_percent():
     assert [row[-1] for row in table.rows] == ["609", "-"]
 
 
-def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
-    table = TextTable(
-        ["method", "EPE (m)", "Acc5 (%)", "flows", "angle"],
-        [
-            ["a", "0.1", "50.0", "3", "-"],
-            ["b", "0.2", "60.0", "4", "1.0"],
-            ["reference", "0.0", "99.0", "5", "0.5"],
-        ],
-        better=[None, "min", "max", None, "min"],
-    )
-    # Of a single value nothing can be the best.
-    assert table.best_cells({"reference"}) == {(0, 1), (1, 2)}
-
-
 def test_markdown():
     table = TextTable(("name", "value"), [("|e| > 1\nor so", "1"), ("b", "2")], "Two things")
     rows = "| name | value |\n| :--- | ---: |\n| \\|e\\| > 1 or so | 1 |\n| b | 2 |\n"
