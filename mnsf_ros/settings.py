@@ -507,8 +507,7 @@ class Settings:
     def value_of(self, name: str) -> SettingValue:
         """The value of the setting with this full name."""
         group, _, key = name.partition(".")
-        value: SettingValue = getattr(getattr(self, group), key)
-        return value
+        return getattr(getattr(self, group), key)
 
     def _check_consistency(self) -> None:
         for group, low, high in (

@@ -117,8 +117,7 @@ class MlpFusion(nn.Module):
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
         """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
         inputs = _apart(flows).sum(dim=1) if self._takes_sum else flows
-        fused: torch.Tensor = self._layers(inputs)
-        return fused
+        return self._layers(inputs)
 
 
 class WeightedSumFusion(nn.Module):
@@ -137,8 +136,7 @@ class WeightedSumFusion(nn.Module):
         apart = _apart(flows)
         last = apart[:, -1]
         above_last = (apart[:, :-1] - last[:, None]).flatten(1)  # [M, 3 (K - 1)]
-        fused: torch.Tensor = last + above_last @ self._weights.T
-        return fused
+        return last + above_last @ self._weights.T
 
 
 class MeanFusion(nn.Module):

@@ -137,8 +137,7 @@ def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     wrong = numbers[(numbers < 0) | (numbers >= len(table))]
     if len(wrong):
         raise ValueError(f"category number {wrong[0]}, expected 0 to {len(table) - 1}")
-    classes: NDArray[np.uint8] = table[numbers]
-    return classes
+    return table[numbers]
 
 
 class Submission:

@@ -57,10 +57,7 @@ class ExportedSweep:
         if self.estimate is not None and self.estimate.over_ground is not None:
             return self.estimate.over_ground.dynamic
         residual = residual_flow(self.sweep.xyz, self.flow, self._motion)
-        moves: NDArray[np.bool_] = (
-            np.linalg.norm(residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
-        )
-        return moves
+        return np.linalg.norm(residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
 
     @property
     def as_truth(self) -> FlowTruth:

@@ -69,8 +69,7 @@ def _world_from_imu(imu: NDArray[np.float64], origin: NDArray[np.float64]) -> ND
     east = scale * math.radians(longitude - longitude_0)
     north = scale * (_mercator(latitude) - _mercator(latitude_0))
     pose = planar_pose(east, north, yaw, altitude - altitude_0)
-    world_from_imu: NDArray[np.float64] = pose @ tilt(pitch, roll)
-    return world_from_imu
+    return pose @ tilt(pitch, roll)
 
 
 def _imu_reading(source: Path, number: int) -> NDArray[np.float64]:
@@ -122,10 +121,7 @@ class _Camera:
             u, v, depth = apply(self._image_from_lidar, xyz.astype(np.float64)).T
         width, height = self._size
         # Not divided by the depth, which may be zero.
-        inside: NDArray[np.bool_] = (
-            (depth > 0) & (u >= 0) & (u < width * depth) & (v >= 0) & (v < height * depth)
-        )
-        return inside
+        return (depth > 0) & (u >= 0) & (u < width * depth) & (v >= 0) & (v < height * depth)
 
 
 def _read_tracklets(path: Path) -> Mapping[int, tuple[Box, ...]]:

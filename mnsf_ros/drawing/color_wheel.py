@@ -45,8 +45,7 @@ def flow_colors(flow: NDArray[Any], full_speed_m: float) -> NDArray[np.float64]:
     # Red, green and blue are the same hat over the hue, a third of a turn apart.
     from_peak = np.abs((sixths[:, None] - [0.0, 2.0, 4.0] + 3.0) % 6.0 - 3.0)
     hues = np.clip(2.0 - from_peak, 0.0, 1.0)
-    colors: NDArray[np.float64] = np.asarray(SLOW) + strengths[:, None] * (hues - SLOW)
-    return colors
+    return np.asarray(SLOW) + strengths[:, None] * (hues - SLOW)
 
 
 def wheel_image(num_pixels: int) -> NDArray[np.float64]:

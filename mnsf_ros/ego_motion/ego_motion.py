@@ -84,8 +84,7 @@ class SensorPose:
         """(4, 4) where the sensor was at the stamp of the sweep."""
         if self.motion is None:
             return self.world_from_sensor
-        pose: NDArray[np.float64] = self.world_from_sensor @ self.motion.moment_from_stamp
-        return pose
+        return self.world_from_sensor @ self.motion.moment_from_stamp
 
     def in_one_moment(self, sweep: Sweep) -> NDArray[np.float32]:
         """Returns where the points (N, 3) of this pose's sweep are at the moment of `motion`."""

@@ -178,5 +178,4 @@ class ExampleBuilder:
 def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
     if current.odometry is None or following.odometry is None:
         return None
-    motion: NDArray[np.float64] = np.linalg.inv(following.odometry) @ current.odometry
-    return motion
+    return np.linalg.inv(following.odometry) @ current.odometry

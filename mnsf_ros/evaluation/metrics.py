@@ -115,10 +115,8 @@ def _angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.flo
         directions = [vectors / _lengths(vectors)[:, None] for vectors in (estimate, truth)]
         cosines = np.prod(directions, axis=0).sum(axis=1)
     cosines = np.clip(cosines, _COSINE_MARGIN - 1.0, 1.0 - _COSINE_MARGIN)
-    angles: NDArray[np.float64] = np.arccos(np.nan_to_num(cosines, nan=0.0))
-    return angles
+    return np.arccos(np.nan_to_num(cosines, nan=0.0))
 
 
 def _lengths(vectors: NDArray[Any]) -> NDArray[np.float64]:
-    lengths: NDArray[np.float64] = np.linalg.norm(vectors.astype(np.float64), axis=1)
-    return lengths
+    return np.linalg.norm(vectors.astype(np.float64), axis=1)

@@ -127,8 +127,7 @@ class TrueMotion:
 
     def mean_motion(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Returns the mean motion (3,) of some points until the next sweep, metres over ground."""
-        motion: NDArray[np.float64] = self.velocity[rows].mean(axis=0) * self.interval_s
-        return motion
+        return self.velocity[rows].mean(axis=0) * self.interval_s
 
 
 def mover_row(
@@ -220,8 +219,7 @@ def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
     speeds = np.sqrt((truth.velocity**2).sum(axis=1))
     mean_m_s, share = (np.bincount(owners, each) / counts for each in (speeds, called))
     stands = (ids > 0) & (counts >= _MIN_POINTS) & (mean_m_s < STOPPED_M_S)
-    numbers: list[int] = ids[stands & (share < _FOUND_SHARE)].tolist()
-    return numbers
+    return ids[stands & (share < _FOUND_SHARE)].tolist()
 
 
 def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:

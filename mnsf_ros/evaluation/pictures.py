@@ -115,7 +115,4 @@ def _own_motion(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float
 
 def _without_slow(velocity: NDArray[np.float32]) -> NDArray[np.float32]:
     speeds_m_s = np.hypot(velocity[:, 0], velocity[:, 1])
-    moving: NDArray[np.float32] = np.where(
-        speeds_m_s[:, None] >= _SLOW_M_S, velocity, np.float32(0.0)
-    )
-    return moving
+    return np.where(speeds_m_s[:, None] >= _SLOW_M_S, velocity, np.float32(0.0))

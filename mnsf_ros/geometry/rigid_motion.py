@@ -129,10 +129,7 @@ def _l1_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _tukey_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
     scale = max(float(np.median(residuals)) / _MEDIAN_OF_NOISE, _MIN_SCALE_M)
-    weights: NDArray[np.float64] = (
-        np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
-    )
-    return weights
+    return np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
 
 
 def _kabsch(

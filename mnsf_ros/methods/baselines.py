@@ -201,18 +201,15 @@ class KroneckerField(nn.Module):
             + (flow[:, :-1, 1:, :-1] - corner) ** 2
             + (flow[:, :-1, :-1, 1:] - corner) ** 2
         )
-        variation: torch.Tensor = squares.sqrt().sum(dim=0).mean()
-        return variation
+        return squares.sqrt().sum(dim=0).mean()
 
     def _node_flow(self) -> torch.Tensor:
         codes = (self._code_0, self._code_1, self._code_2)
-        flow: torch.Tensor = torch.einsum("cijk,xi,yj,zk->cxyz", self._weights, *codes)
-        return flow  # [3, nx, ny, nz]
+        return torch.einsum("cijk,xi,yj,zk->cxyz", self._weights, *codes)  # [3, nx, ny, nz]
 
 
 def _gaussian_code(number: int, settings: LinearSettings) -> torch.Tensor:
     """The code of each of the nodes along an axis, one a row; the longest has length 1."""
     places = torch.arange(number) * settings.node_spacing_m
     code = torch.exp(-0.5 * ((places[:, None] - places) / settings.sigma_m) ** 2)
-    scaled: torch.Tensor = code / code.norm(dim=1).max()
-    return scaled
+    return code / code.norm(dim=1).max()

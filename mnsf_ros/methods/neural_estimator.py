@@ -135,8 +135,7 @@ def fused(flows: Sequence[FieldFlow]) -> Heads:
 def _best(flows: Sequence[FieldFlow]) -> Heads:
     """(K, 3, 3) for each object the heads that leave the least residual, the first if in doubt."""
     best = np.argmin([flow.loss for flow in flows], axis=0)
-    heads: Heads = np.stack([flow.heads for flow in flows])[best, np.arange(len(best))]
-    return heads
+    return np.stack([flow.heads for flow in flows])[best, np.arange(len(best))]
 
 
 def _rigid(motions: NDArray[np.float32]) -> Heads:

@@ -63,8 +63,7 @@ def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any)
         networks = import_module("mnsf_ros.methods.network_estimator")
         flow_of = partial(resolve_name(f"mnsf_ros.methods.{path}"), **(options or {}))
         method = networks.NetworkMethod(flow_of, **traits)
-        estimator: SceneFlowEstimator = networks.NetworkEstimator(settings, method)
-        return estimator
+        return networks.NetworkEstimator(settings, method)
 
     return make
 

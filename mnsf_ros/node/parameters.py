@@ -113,8 +113,7 @@ def undeclared_overrides(node: Node) -> list[str]:
 
 def _overrides(node: Node) -> dict[str, Parameter]:
     # rclpy drops unknown ones without a word and offers no public way to see them.
-    overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
-    return overrides
+    return getattr(node, "_parameter_overrides", {})
 
 
 def _in_declared_types(node: Node, parameters: list[Parameter]) -> list[Parameter]:

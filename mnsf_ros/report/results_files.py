@@ -105,8 +105,7 @@ def results_csv(results: RunResults) -> str:
     names = ["recording", "method", "points", *_COUNTS, *_ERRORS, *_FIGURES, *_ORIGIN, *_MOVERS]
     # As objects: a missing value would turn the whole numbers of its column into others.
     table = pd.DataFrame(lines, columns=names, dtype=object)
-    text: str = table.to_csv(index=False, lineterminator="\n")
-    return text
+    return table.to_csv(index=False, lineterminator="\n")
 
 
 def _lines(own: pd.Series) -> Iterator[dict[str, object]]:

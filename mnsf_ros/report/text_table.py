@@ -53,13 +53,12 @@ class TextTable:
 
     def latex(self) -> str:
         """Returns the table for LaTeX with the package booktabs, the title as caption."""
-        text: str = self.frame.map(_one_line).to_latex(
+        return self.frame.map(_one_line).to_latex(
             index=False,
             escape=True,
             caption=re.sub(r"([&%$#_{}])", r"\\\1", self.title) or None,
             column_format="l" + "r" * (len(self.header) - 1),
         )
-        return text
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yields title and table; columns that the console has no room for follow in a block."""

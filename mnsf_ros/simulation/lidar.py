@@ -103,8 +103,7 @@ class ShapeTable:
         """Returns (K,) distances from the lidar to the nearest point of each bounding box."""
         local = np.einsum("kji,kj->ki", poses[:, :3, :3], -poses[:, :3, 3])
         outside = np.maximum(np.abs(local) - self.half_extents, 0.0)
-        nearest: FloatArray = np.linalg.norm(outside, axis=1)
-        return nearest
+        return np.linalg.norm(outside, axis=1)
 
     def _azimuths(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns (K,) azimuths of the shapes, and how far their bounding spheres reach around."""

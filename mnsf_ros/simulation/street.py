@@ -40,19 +40,16 @@ class Centerline:
 
     def offset(self, x: FloatArray) -> FloatArray:
         """Returns y of the center line at x (any shape, metres)."""
-        offset: FloatArray = self.amplitude_m * np.sin(self._wave_number * x + self.phase)
-        return offset
+        return self.amplitude_m * np.sin(self._wave_number * x + self.phase)
 
     def heading(self, x: FloatArray) -> FloatArray:
         """Returns the direction of the center line at x (any shape, metres) in radians."""
         slope = self.amplitude_m * self._wave_number * np.cos(self._wave_number * x + self.phase)
-        heading: FloatArray = np.arctan(slope)
-        return heading
+        return np.arctan(slope)
 
     def lateral(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Returns how far (x, y) lies to the left of the center line, good to a few centimeters."""
-        lateral: FloatArray = (y - self.offset(x)) * np.cos(self.heading(x))
-        return lateral
+        return (y - self.offset(x)) * np.cos(self.heading(x))
 
     def place(self, x: FloatArray, lateral: FloatArray | float) -> FloatArray:
         """Returns (T, 2) points `lateral` (one or (T,), metres) left of the center line at x."""

@@ -109,8 +109,7 @@ def _normalized(weights: torch.Tensor, generator: torch.Generator) -> torch.Tens
     lengths = torch.linalg.vector_norm(weights.flatten(1), dim=1)
     drawn_lengths = torch.linalg.vector_norm(drawn.flatten(1), dim=1).clamp(min=1e-12)
     scales = (lengths / drawn_lengths).view(-1, *[1] * (weights.ndim - 1))
-    normalized: torch.Tensor = drawn * scales
-    return normalized
+    return drawn * scales
 
 
 @torch.no_grad()
@@ -155,8 +154,7 @@ def _losses(bench: Workbench, networks: Networks) -> dict[str, tuple[nn.Module, 
 
     def fused_flow(points: torch.Tensor) -> torch.Tensor:
         inverted = invert_motion(backward_field(points), bench.triplet.interval_ratio)
-        flow: torch.Tensor = fusion(torch.cat((forward_field(points), inverted), dim=1))
-        return flow
+        return fusion(torch.cat((forward_field(points), inverted), dim=1))
 
     def loss_with(flow_of: Callable[[torch.Tensor], torch.Tensor]) -> Loss:
         return lambda: target.mean(points + flow_of(points))

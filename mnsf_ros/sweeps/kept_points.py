@@ -48,14 +48,13 @@ def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]
 
 def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bool_]:
     """Mask (N,) of the points (N, 3), sensor frame, within the ranges and heights."""
-    kept: NDArray[np.bool_] = _inside(
+    return _inside(
         np.require(xyz, requirements=("C", "W")),
         settings.min_range_m**2,
         settings.max_range_m**2,
         np.float32(settings.min_height_m),
         np.float32(settings.max_height_m),
     )
-    return kept
 
 
 @compiled("boolean[::1](float32[:, ::1], float64, float64, float32, float32)")
@@ -98,8 +97,7 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     # An opening. Its structuring element is a cone, not a disc: it may rise with the steepest slope
     # allowed, so that a hill stays ground while a car on it does not.
     ground = -cone_erosion(-cone_erosion(lowest, radius, rise), radius, rise)
-    mask: NDArray[np.bool_] = _below(points, cells, ground.ravel() + np.float32(settings.margin_m))
-    return mask
+    return _below(points, cells, ground.ravel() + np.float32(settings.margin_m))
 
 
 @compiled(

@@ -75,8 +75,7 @@ def _rgb(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
 
 
 def _over_ground(name: str, estimate: FlowEstimate, _interval_s: float) -> NDArray[Any] | None:
-    values: NDArray[Any] | None = getattr(estimate.over_ground, name, None)
-    return values
+    return getattr(estimate.over_ground, name, None)
 
 
 FLOW_NAMES: Final = ("flow_x", "flow_y", "flow_z")

@@ -191,8 +191,7 @@ class _Landing:
             xyz = xyz + now.motion[self.rows].astype(np.float64) * self.num_intervals
         landed = apply(np.linalg.inv(then.world_from_sensor) @ now.world_from_sensor, xyz)
         distances, _ = self.tree.query(landed, distance_upper_bound=_LIMIT_M)
-        limited: NDArray[np.float64] = np.minimum(distances, _LIMIT_M)
-        return limited
+        return np.minimum(distances, _LIMIT_M)
 
 
 def _landings(examples: Sequence[Example], seed: int) -> Iterator[_Landing]:
