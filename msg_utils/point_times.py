@@ -51,10 +51,7 @@ class _UnfitError(ValueError):
 
 
 def decode_times(
-    cloud: PointCloudLike,
-    wanted: npt.NDArray[np.bool_],
-    stamp_ns: int,
-    rule: TimeRuleLike,
+    cloud: PointCloudLike, wanted: npt.NDArray[np.bool_], stamp_ns: int, rule: TimeRuleLike
 ) -> PointTimes:
     """Reads the times of the wanted points (height * width,) of a cloud of this stamp.
 

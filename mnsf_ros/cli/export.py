@@ -129,10 +129,7 @@ def _export(
 
 
 def _exported_sweeps(
-    recording: EvaluatedRecording,
-    method: str,
-    options: EvaluationOptions,
-    console: Console,
+    recording: EvaluatedRecording, method: str, options: EvaluationOptions, console: Console
 ) -> Iterator[ExportedSweep]:
     """Yields the sweeps in stamp order, and tells of sweeps without an estimate and of damage.
 

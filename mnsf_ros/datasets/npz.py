@@ -12,14 +12,7 @@ from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
-from mnsf_ros.sweeps_io.files import (
-    as_type,
-    columns_of,
-    files_in,
-    read_json,
-    read_npz,
-    reading,
-)
+from mnsf_ros.sweeps_io.files import as_type, columns_of, files_in, read_json, read_npz, reading
 
 _EXTRA: Final = {
     "intensity": ("intensity", np.float32),

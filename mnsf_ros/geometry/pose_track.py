@@ -50,9 +50,7 @@ class PoseTrack:
     """
 
     def __init__(
-        self,
-        recorded: Iterable[StampedPose | None] = (),
-        mount: NDArray[np.float64] | None = None,
+        self, recorded: Iterable[StampedPose | None] = (), mount: NDArray[np.float64] | None = None
     ) -> None:
         """Starts without a pose.
 

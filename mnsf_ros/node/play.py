@@ -66,10 +66,7 @@ def play(
 
 
 def _publishers(
-    reader: BagReader,
-    ros: RawTopics,
-    chosen: Sequence[str],
-    on_left_out: Callable[[str], None],
+    reader: BagReader, ros: RawTopics, chosen: Sequence[str], on_left_out: Callable[[str], None]
 ) -> dict[str, Publish]:
     publishers: dict[str, Publish] = {}
     for topic in dict.fromkeys(chosen) or reader.topics:

@@ -13,11 +13,7 @@ from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, greeting
-from mnsf_ros.node.parameters import (
-    NodeParameters,
-    UnknownParameterError,
-    undeclared_overrides,
-)
+from mnsf_ros.node.parameters import NodeParameters, UnknownParameterError, undeclared_overrides
 from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError

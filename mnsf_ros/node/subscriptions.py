@@ -15,12 +15,7 @@ from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
-from mnsf_ros.node.diagnostics import (
-    CLOUDS_EMPTY,
-    CLOUDS_MISSED,
-    CLOUDS_UNDECODABLE,
-    SWEEPS_LOST,
-)
+from mnsf_ros.node.diagnostics import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, SWEEPS_LOST
 from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import Transforms
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings

@@ -17,21 +17,11 @@ from std_msgs.msg import Header
 
 from mnsf_ros.geometry.transforms import mounted_at
 from mnsf_ros.node.diagnostics import InputState
-from mnsf_ros.node.subscriptions import (
-    InputSubscription,
-    OdometrySubscription,
-    Report,
-    decoded,
-)
+from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from mnsf_ros.sweeps_io.several_lidars import (
-    ArrivedSweep,
-    LidarGroup,
-    LidarGroups,
-    merged_sweep,
-)
+from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroup, LidarGroups, merged_sweep
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
 

@@ -47,11 +47,7 @@ _ORIGIN: Final = (
     *("realtime_rate", "every", *_FACTS),
 )
 # Groups of points: a prefix in the summary, and its name in the file.
-_POINTS: Final = {
-    "errors": "{}",
-    "by_range": "range up to {} m",
-    "by_speed": "speed up to {} m/s",
-}
+_POINTS: Final = {"errors": "{}", "by_range": "range up to {} m", "by_speed": "speed up to {} m/s"}
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:

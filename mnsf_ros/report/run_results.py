@@ -111,9 +111,7 @@ def read_results(folder: RunFolder, focus: str | None = None) -> RunResults:
 
 
 def results_of(
-    record: RunRecord,
-    rows: Iterable[ResultRow],
-    focus: str | None = None,
+    record: RunRecord, rows: Iterable[ResultRow], focus: str | None = None
 ) -> RunResults:
     """Returns the results of a run, from its rows in any order.
 

@@ -83,11 +83,7 @@ _CONSISTENCY: Final = {
 }
 _THREE_WAY: Final = {name: Column(name, 4) for name in (*THREE_WAY, "mean")}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
-_GROUP_TITLES: Final = {
-    "all": "All points",
-    "dynamic": "Dynamic points",
-    "static": "Static points",
-}
+_GROUP_TITLES: Final = {"all": "All points", "dynamic": "Dynamic points", "static": "Static points"}
 
 
 def _made_table(

@@ -69,10 +69,7 @@ def stability_settings(settings: Settings) -> Settings:
 
 
 def changes(
-    method: str,
-    estimator: SceneFlowEstimator,
-    triplet: SweepTriplet,
-    options: StudyOptions,
+    method: str, estimator: SceneFlowEstimator, triplet: SweepTriplet, options: StudyOptions
 ) -> Iterator[dict[str, object]]:
     """Replaces points of the full sweeps; draws are those of the seed.
 

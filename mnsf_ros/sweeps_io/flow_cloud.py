@@ -13,11 +13,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
-from msg_utils.point_cloud2 import (
-    decode_xyz,
-    encode_columns,
-    encode_with_columns,
-)
+from msg_utils.point_cloud2 import decode_xyz, encode_columns, encode_with_columns
 from msg_utils.point_times import PointTimes, decode_times
 from msg_utils.stamps import decode_stamp
 

@@ -12,12 +12,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import true_motion
-from mnsf_ros.evaluation.tracks import (
-    Findings,
-    TruthTrack,
-    recorded_sweeps,
-    truth_clouds,
-)
+from mnsf_ros.evaluation.tracks import Findings, TruthTrack, recorded_sweeps, truth_clouds
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
@@ -83,9 +78,7 @@ def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
     return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *pose_and_objects(sweep))
 
 
-def pose_and_objects(
-    sweep: EstimatedSweep,
-) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
+def pose_and_objects(sweep: EstimatedSweep) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
     """Returns world_from_sensor (4, 4), the identity if unknown, and the dynamic objects."""
     known = sweep.estimate.over_ground
     return (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
@@ -118,9 +111,5 @@ def _colors_of_errors(sweep: EstimatedSweep) -> Colors:
     return error_colors(np.linalg.norm(flow - truth.flow, axis=1), truth.valid)
 
 
-_COLORS: Final = {
-    "estimate": _estimate_colors,
-    "truth": _truth_colors,
-    "error": _colors_of_errors,
-}
+_COLORS: Final = {"estimate": _estimate_colors, "truth": _truth_colors, "error": _colors_of_errors}
 LAYERS: Final = tuple(_COLORS)

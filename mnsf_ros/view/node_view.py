@@ -27,11 +27,7 @@ from msg_utils.stamps import decode_stamp
 _LOG = logging.getLogger(__name__)
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 # Below the name of the node; together they are a scene.
-_PARTS: Final = {
-    "/flow": _CLOUD,
-    "/objects": _CLOUD,
-    "/ego_motion": "nav_msgs/msg/Odometry",
-}
+_PARTS: Final = {"/flow": _CLOUD, "/objects": _CLOUD, "/ego_motion": "nav_msgs/msg/Odometry"}
 _LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
 _QUESTIONS: Final = ("/explain", "geometry_msgs/msg/PointStamped")
 _ANSWERS: Final = "/explanation"
