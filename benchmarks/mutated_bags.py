@@ -61,11 +61,9 @@ def write_originals(folder: Path) -> dict[str, Path]:
     settings = SimulationSettings(duration_s=0.6, num_beams=16, num_columns=48)
     folder.mkdir(parents=True)
     write_recording(settings, folder / "plain")
-    write_recording(settings, folder / "compressed", compress=True)
     shutil.copytree(folder / "plain", folder / "described")
     files = {
         "mcap": folder / "plain" / "plain.mcap",
-        "mcap zstd": folder / "compressed" / "compressed.mcap",
         "metadata.yaml": folder / "described" / "metadata.yaml",
     }
     mcap_options: dict[str, dict[str, Any]] = {

@@ -54,7 +54,6 @@ def add_convert(arguments: Arguments) -> str:
     arguments.value("source SOURCE", source_text, Path)
     arguments.value("out OUT", "folder to write, or a single file OUT.mcap", Path)
     arguments.flag("--force", FORCE)
-    arguments.flag("--compress", "compress the recording (zstd)")
     arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
     arguments.value("--first N", "first sweep, counted from 0", default=0)
     arguments.value("--count N", "number of sweeps (default: all)", int)
@@ -82,7 +81,6 @@ def run_convert(options: argparse.Namespace) -> None:
             settings,
             lambda done: progress.update(task, completed=done),
             overwrite=options.force,
-            compress=options.compress,
         )
     console.say(f"{summary.num_sweeps} sweeps in {options.out}")
     console.say(str(summary))

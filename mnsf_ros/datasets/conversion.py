@@ -100,7 +100,6 @@ def write_recording(
     progress: Callable[[int], None] | None = None,
     *,
     overwrite: bool = False,
-    compress: bool = False,
 ) -> TruthSummary:
     """Writes a sequence with its true flow, two sweeps in memory at a time.
 
@@ -115,7 +114,7 @@ def write_recording(
     sweep = next(sweeps, None)
     if sweep is None:
         raise DatasetError("the sequence has no sweep there, nothing is written")
-    with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
+    with BagWriter(path, overwrite=overwrite) as writer:
         while sweep is not None:
             following = next(sweeps, None)
             if following is not None and following.stamp_ns <= sweep.stamp_ns:

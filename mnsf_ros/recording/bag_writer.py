@@ -11,7 +11,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys.stores import ros2_jazzy as ros
 
@@ -40,12 +40,10 @@ _LATEST_NS: Final = 2**63 - 1
 class _CheckedMcap:
     """An mcap file for the writer of rosbags; its own has no checksums."""
 
-    def __init__(self, folder: Path, compression: CompressionMode) -> None:
+    def __init__(self, folder: Path, _compression: CompressionMode) -> None:
         self.path = folder / f"{folder.name}.mcap"
         self._stream = self.path.open("xb")
-        is_compressed = compression == CompressionMode.STORAGE
-        kind = CompressionType.ZSTD if is_compressed else CompressionType.NONE
-        self._writer = McapWriter(self._stream, compression=kind)
+        self._writer = McapWriter(self._stream, compression=CompressionType.NONE)
         self._writer.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[int, int] = {}
@@ -83,17 +81,13 @@ class BagWriter:
         path: The folder or file to write.
     """
 
-    def __init__(
-        self, path: Path | str, *, overwrite: bool = False, compress: bool = False
-    ) -> None:
+    def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
         """Sets the target; nothing is written before `with`, which makes missing parents.
 
-        A recording at the same path is replaced only if `overwrite` is set. With `compress` chunks
-        of the file are compressed with zstd: smaller but slower.
+        A recording at the same path is replaced only if `overwrite` is set.
         """
         self.path = Path(path)
         self._overwrite = overwrite
-        self._compress = compress
         self._connections: dict[str, Connection] = {}
         self._writer: RosbagsWriter | None = None
         self._stack = ExitStack()
@@ -108,8 +102,6 @@ class BagWriter:
             draft = stack.enter_context(new_folder(self.path, overwrite=self._overwrite))
             writer = RosbagsWriter(draft, version=9, storage_plugin=StoragePlugin.MCAP)
             writer.STORAGE_PLUGINS = {StoragePlugin.MCAP: _CheckedMcap}
-            if self._compress:
-                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer = stack.enter_context(writer)
             stack.push(self._finish)
             self._stack = stack.pop_all()

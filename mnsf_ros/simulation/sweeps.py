@@ -152,7 +152,6 @@ def write_recording(
     progress: Callable[[int, int], None] | None = None,
     *,
     overwrite: bool = False,
-    compress: bool = False,
 ) -> SweepSimulator:
     """Simulates a recording, writes it with a BagWriter and returns its simulator.
 
@@ -162,7 +161,7 @@ def write_recording(
         RecordingError: The recording cannot be written.
     """
     simulator = SweepSimulator(settings)
-    with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
+    with BagWriter(path, overwrite=overwrite) as writer:
         for number, sweep in enumerate(simulator, start=1):
             # The last sweep has no next sweep in which its points could be found.
             valid = sweep.truth.valid & (number < simulator.num_sweeps)

@@ -43,7 +43,7 @@ def test_a_file_is_converted(tmp_path, triplet, capsys):
     with pytest.raises(RecordingError, match="exists already"):
         run("triplets", triplet, out)
     assert capsys.readouterr().out == "", "no bar before the check"
-    run("triplets", triplet, out, "--force", "--unlabelled-static", "--compress")
+    run("triplets", triplet, out, "--force", "--unlabelled-static")
     assert tiny_world.read(out).truth[1].valid.all()
 
 
