@@ -65,10 +65,6 @@ def test_starts_and_time_budgets_are_counted():
     assert summarize(rows)[["num_warm", "num_out_of_time"]].to_numpy().tolist() == [[2, 1]]
 
 
-def test_bands_are_in_order():
-    bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
-    bins, work = further_tables(summarize([row(1, 0.1, **bands)]))
-    assert "of range" in bins.title
-    assert bins.header == ["method", "0–10 m", "10–80 m", "80+ m"]
-    assert bins.rows == [["mnsf", "0.100", "0.400", "0.500"]]
+def test_work_is_the_last_table():
+    (work,) = further_tables(summarize([row(1, 0.1)]))
     assert work.rows == [["mnsf", "1", "0", "0", "100", "-", "0", "0"]]
