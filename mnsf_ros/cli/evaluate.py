@@ -57,7 +57,6 @@ def add_evaluate(arguments: Arguments) -> str:
     arguments.recordings("bags BAG", "recordings", nargs="+")
     topics = arguments.group("topics (the same for all recordings)")
     topics.points()
-    topics.value("--truth TOPIC", "true flow (default: /truth/flow if present)")
     topics.value(
         "--odometry TOPIC",
         "sensor poses, for the method ego, and for other methods with "
@@ -121,7 +120,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
     methods, given_up = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = executor(options.workers, options.ray, options.num_gpus)
-    topics = (options.points, options.truth, options.odometry)
+    topics = (options.points, options.odometry)
     recordings = chosen_recordings(options.bags, *topics, unreadable=given_up)
     with pool as execute:
         folder = RunFolder(options.out)

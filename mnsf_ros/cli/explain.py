@@ -56,7 +56,7 @@ def _place(text: str) -> tuple[float, float]:
 
 def run_explain(options: argparse.Namespace) -> None:
     """Prints the decision."""
-    (recording,) = chosen_recordings([options.bag], options.points, None, options.odometry)
+    (recording,) = chosen_recordings([options.bag], options.points, options.odometry)
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
     place = options.stamp, options.at

@@ -58,7 +58,7 @@ def add_export(arguments: Arguments) -> str:
 
 def run_export(options: argparse.Namespace) -> None:
     """Writes the estimates."""
-    recordings = chosen_recordings(options.bags, options.points, None, options.odometry)
+    recordings = chosen_recordings(options.bags, options.points, options.odometry)
     for recording in recordings:
         if "/" in recording.name:
             raise DatasetError(

@@ -46,15 +46,11 @@ class EvaluatedRecording:
 
 
 def choose_topics(
-    path: Path | str,
-    name: str,
-    points: str | None = None,
-    truth: str | None = None,
-    odometry: str | None = None,
+    path: Path | str, name: str, points: str | None = None, odometry: str | None = None
 ) -> EvaluatedRecording:
     """Opens a recording; returns it with its topics.
 
-    Topics that are None are chosen: the only topic of point clouds; truth and odometry as in
+    Topics that are not named are chosen: the only topic of point clouds; truth and odometry as in
     `docs/recordings.md`, if they are there.
 
     Raises:
@@ -62,7 +58,7 @@ def choose_topics(
             to choose from.
     """
     with BagReader(path) as reader:
-        used = used_topics(reader.path, reader.topics, points, truth, odometry)
+        used = used_topics(reader.path, reader.topics, points, odometry)
         return EvaluatedRecording(
             name=name,
             path=str(reader.path.resolve()),

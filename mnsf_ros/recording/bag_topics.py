@@ -76,12 +76,9 @@ def used_topics(
     path: Path,
     topics: Mapping[str, TopicSummary],
     points: str | None = None,
-    truth: str | None = None,
     odometry: str | None = None,
 ) -> UsedTopics:
-    """Returns the named topics, else the usual ones.
-
-    Points may also be the only topic of that type.
+    """Returns the named topics, else the usual ones; points may also be the only clouds.
 
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.
@@ -91,11 +88,11 @@ def used_topics(
         summary = topics.get(topic, TopicSummary("", 0))
         return topic if summary.msgtype == msgtype and summary.count > 0 else None
 
-    truth = truth or usual(TRUTH_FLOW_TOPIC, CLOUD_TYPE)
-    odometry = odometry or usual(TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
-    for topic, msgtype in ((truth, CLOUD_TYPE), (odometry, ODOMETRY_TYPE)):
-        if topic is not None:
-            find_topic(path, topics, topic, msgtype)
+    truth = usual(TRUTH_FLOW_TOPIC, CLOUD_TYPE)
+    if odometry is None:
+        odometry = usual(TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
+    else:
+        find_topic(path, topics, odometry, ODOMETRY_TYPE)
     if truth is not None:
         points = points or usual(POINTS_TOPIC, CLOUD_TYPE)
     points = find_topic(path, topics, points, CLOUD_TYPE)
