@@ -149,7 +149,8 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
             is_warned = is_warned or bool(row["failure"])
             del row["time_ms"], row["stage_times_ms"]
             rows[method.name, row["stamp_ns"]] = row
-    return rows, is_warned, recording.has_checksums
+    with BagReader(path) as reader:
+        return rows, is_warned, reader.has_checksums
 
 
 def judge(path: Path, expected: Rows) -> tuple[str, str]:

@@ -112,7 +112,6 @@ _EXTRAS: Final = {
     "ray": "ray",
 }
 
-
 _REMEDIES: Final = {
     **{name: f"in the checkout: pip install '.[{extra}]'" for name, extra in _EXTRAS.items()},
     "rclpy": "source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install its wheels (in the "

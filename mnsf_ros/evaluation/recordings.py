@@ -23,7 +23,6 @@ class EvaluatedRecording:
         truth: Topic of the true flow; None if there is none.
         odometry: Topic of the sensor's poses; None if there is none.
         num_sweeps: Number of sweeps that are stored.
-        has_checksums: Whether flipped bits within a message would have been noticed.
         damages: Unreadable parts.
         fingerprint: See `recording.bag_files`.
     """
@@ -34,7 +33,6 @@ class EvaluatedRecording:
     truth: str | None
     odometry: str | None
     num_sweeps: int
-    has_checksums: bool
     damages: list[str]
     fingerprint: dict[str, SettingValue]
 
@@ -66,7 +64,6 @@ def choose_topics(
             truth=used.truth,
             odometry=used.odometry,
             num_sweeps=reader.topics[used.points].count,
-            has_checksums=reader.has_checksums,
             damages=[plain_text(damage) for damage in reader.damages],
             fingerprint=fingerprint(reader.path),
         )

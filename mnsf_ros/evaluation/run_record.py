@@ -25,7 +25,6 @@ _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD: Final = 5
 
-
 # Time, command line, versions, machine and commit of one start of a run: name to text.
 Session = dict[str, str]
 

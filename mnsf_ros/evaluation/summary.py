@@ -32,7 +32,6 @@ _NUM_POINTS: Final = ".num_points"
 _MAX_AWAY_S: Final = 0.5
 _TINY_S: Final = 1e-3
 
-
 FAST: Final = "2 m/s and faster, to 50 m"
 SLOW: Final = "0.5 to 2 m/s, to 30 m"
 _ANY: Final = "speed_m_s >= 0.5 and range_m <= 50"

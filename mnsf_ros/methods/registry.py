@@ -88,7 +88,6 @@ _NETWORKS: Final[dict[str, MethodMaker]] = {
     "mnsf-frames5": _mnsf(5),
 }
 
-
 # A new method is one line here or above; docs/extending.md has the recipe.
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,

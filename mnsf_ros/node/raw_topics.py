@@ -82,25 +82,13 @@ class RawTopics:
         """
         return self.node.create_publisher(message_class(msgtype), topic, _qos(is_latched))
 
-    def subscribe(
-        self,
-        topic: str,
-        msgtype: str,
-        on_message: Callable[[Any], None],
-        *,
-        depth: int = _DEPTH,
-        is_raw: bool = False,
-    ) -> Any:  # noqa: ANN401
-        """Calls `on_message` with each message of a topic, serialized if that `is_raw`.
-
-        Returns the subscription.
+    def subscribe(self, topic: str, msgtype: str, on_message: Callable[[Any], None]) -> Any:  # noqa: ANN401
+        """Calls `on_message` with each message of a topic; returns the subscription.
 
         Raises:
             MessageTypeError: The type is not installed.
         """
-        return self.node.create_subscription(
-            message_class(msgtype), topic, on_message, _qos(depth=depth), raw=is_raw
-        )
+        return self.node.create_subscription(message_class(msgtype), topic, on_message, _qos())
 
     def clock(self) -> Callable[[int], None]:
         """Returns a function that publishes a time in nanoseconds on /clock."""
@@ -120,9 +108,9 @@ class RawTopics:
             self._executor.spin_once(timeout_sec=left_s)
 
 
-def _qos(is_latched: bool = False, depth: int = _DEPTH) -> QoSProfile:
+def _qos(is_latched: bool = False) -> QoSProfile:
     kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
+    return QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
 
 
 def only_cloud_topic(search_s: float = _SEARCH_S) -> str:

@@ -233,15 +233,12 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
 
 
 def _recordings_without(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:
-    """Recordings without checksums, without truth, and with truth for no scored point."""
+    """Recordings without truth, and with truth for no scored point."""
     good = [row for row in rows if row.failure is None]
     scored = {row.recording for row in good if row.errors and row.errors["all"].num_points}
     unscored = {row.recording for row in good} - scored
     blind = {one.name for one in run.recordings if one.truth is None}
     lacks = {
-        "no checksums, so flipped bits inside a message would go unnoticed": {
-            one.name for one in run.recordings if not one.has_checksums
-        },
         "no true flow, so no errors": blind,
         "no scored point has valid truth, so no errors": unscored - blind,
     }

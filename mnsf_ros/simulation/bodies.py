@@ -19,7 +19,6 @@ from mnsf_ros.simulation.routes import Trip
 
 Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
-
 # Stands for zero in divisions: a ray parallel to a face meets it immeasurably far away.
 _PARALLEL = 1e-200
 

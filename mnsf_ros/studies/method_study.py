@@ -27,7 +27,6 @@ _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 _NUM_PICTURES: Final = 3
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 
-
 # Title of the table, and name of each row to its method.
 _Study = tuple[str, dict[str, str]]
 _STUDIES: Final[dict[str, _Study]] = {

@@ -137,10 +137,8 @@ def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:
             return dict(archive.items())
 
 
-def read_feather(
-    path: Path, columns: Collection[str], optional: Collection[str] = ()
-) -> dict[str, NDArray[Any]]:
-    """Returns columns of a Feather file as (N,) arrays, optional ones where present."""
+def read_feather(path: Path, columns: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Returns columns of a Feather file as (N,) arrays."""
     from pyarrow import feather
 
     with reading(path):
@@ -148,8 +146,7 @@ def read_feather(
         # the threads of Arrow abort the process.
         table = feather.read_table(path, memory_map=False, use_threads=False)
         check_columns(table.column_names, columns)
-        wanted = (*columns, *(name for name in optional if name in table.column_names))
-        return {name: table.column(name).to_numpy() for name in wanted}
+        return {name: table.column(name).to_numpy() for name in columns}
 
 
 def check_columns(found: Collection[str], wanted: Iterable[str]) -> None:

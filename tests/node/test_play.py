@@ -40,6 +40,11 @@ def stored(recording: Path, topic: str) -> list[tuple[int, bytes]]:
         return [(time_ns, bytes(raw)) for time_ns, raw in reader.raw_messages(topic)]
 
 
+def listen(ros: RawTopics, topic: str, msgtype: str, heard: list[bytes]) -> None:
+    """Collects the messages of a topic, serialized; a player may be faster than its listener."""
+    ros.node.create_subscription(message_class(msgtype), topic, heard.append, 1000, raw=True)
+
+
 def test_messages_are_due_at_their_times_and_a_clock_runs_on_between_them() -> None:
     now_s, told_ns, due = 5.0, [], []
 
@@ -73,7 +78,7 @@ def test_topics_are_chosen_and_the_first_message_waits_for_somebody_who_listens(
         # Longer than the recording lasts.
         ros.spin_for(2.0)
         for topic, msgtype in zip(TOPICS, (CLOUD_TYPE, ODOMETRY_TYPE), strict=True):
-            ros.subscribe(topic, msgtype, heard[topic].append, depth=1000, is_raw=True)
+            listen(ros, topic, msgtype, heard[topic])
         give_up_s = time.monotonic() + 120
         while player.is_alive() and time.monotonic() < give_up_s:
             ros.spin_for(0.05)
@@ -100,7 +105,7 @@ def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain:
         RawTopics("listener") as ros,
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
     ):
-        ros.subscribe("/points", CLOUD_TYPE, heard.append, depth=1000, is_raw=True)
+        listen(ros, "/points", CLOUD_TYPE, heard)
         give_up_s = time.monotonic() + 120
         while not is_round() and process.poll() is None and time.monotonic() < give_up_s:
             ros.spin_for(0.05)

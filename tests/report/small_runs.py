@@ -58,7 +58,7 @@ def rows_without_truth():
 
 def recording(name="street", truth="/truth/flow", **values):
     place = {"path": f"/nowhere/{name}", "points": "/points", "odometry": None, "num_sweeps": 5}
-    known = {"has_checksums": True, "damages": [], "fingerprint": {}, **values}
+    known = {"damages": [], "fingerprint": {}, **values}
     return EvaluatedRecording(name=name, truth=truth, **place, **known)
 
 

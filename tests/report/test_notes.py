@@ -21,7 +21,7 @@ def protocol(rows, record):
 
 def notes(rows=(), finished=FINISHED, **record):
     """Texts of the notes, those of what is incomplete and the others."""
-    record = {"methods": METHODS, "recordings": [recording(has_checksums=True)], **record}
+    record = {"methods": METHODS, "recordings": [recording()], **record}
     found = results_of(run_record(**record, finished=finished), rows).notes
     parts = (
         [note.text for note in found if note.is_incomplete is is_so] for is_so in (True, False)
@@ -92,10 +92,9 @@ def test_unfinished_tasks_and_recordings_without_examples():
 
 
 def test_many_recordings_are_one_note():
-    bags = [recording(f"bag_{n}", truth=None, has_checksums=False) for n in range(6)]
-    _, (checksums, truth) = notes(recordings=bags)
-    for note in (checksums, truth):
-        assert note.startswith("bag_0, bag_1, bag_2, bag_3 and 2 more: no ")
+    bags = [recording(f"bag_{n}", truth=None) for n in range(6)]
+    _, (truth,) = notes(recordings=bags)
+    assert truth.startswith("bag_0, bag_1, bag_2, bag_3 and 2 more: no ")
 
 
 def test_failures_are_told_with_the_first_of_reasons_that_differ_in_numbers_alone():
