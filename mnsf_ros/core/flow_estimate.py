@@ -131,7 +131,7 @@ class PointState(IntEnum):
 
     @property
     def text(self) -> str:
-        """Its name in tables and pictures."""
+        """Its name for people."""
         return "passed through" if self is PointState.FREE else self.name.lower()
 
 
