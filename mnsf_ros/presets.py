@@ -6,7 +6,6 @@ For comparison: `paper`, the published method, and `authors`, their released cod
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import NamedTuple
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import SettingValue
@@ -84,24 +83,6 @@ def nearest_preset(
         changes[name] = {k: v for k, v in values.items() if usual[k] != v or k in named}
     nearest = min(changes, key=lambda name: len(changes[name]))
     return nearest, changes[nearest]
-
-
-class UsedSettings(NamedTuple):
-    """The settings of a method, the nearest preset, and the differences to it."""
-
-    settings: Settings
-    preset: str
-    changes: dict[str, SettingValue]
-
-
-def used_settings(method: str, settings: Settings, ignored: Collection[str]) -> UsedSettings:
-    """Returns the settings of a method by its name; see `settings_for`.
-
-    Settings count as changed if they were set explicitly, whatever their value, and not if they are
-    `ignored`.
-    """
-    own = settings_for(method, settings)
-    return UsedSettings(own, *nearest_preset(own, ignored, own.explicit))
 
 
 def settings_for(method: str, settings: Settings) -> Settings:

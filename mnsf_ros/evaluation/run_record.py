@@ -18,7 +18,9 @@ from mnsf_ros.errors import EvaluationError, plain_text
 from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.task import FinishedTask
-from mnsf_ros.presets import UsedSettings, used_settings
+from mnsf_ros.presets import nearest_preset, settings_for
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
@@ -75,9 +77,13 @@ class RunRecord:
         """Names of the methods that are rows to compare with, no rivals of the others."""
         return frozenset(method.name for method in self.methods if method.traits.is_reference)
 
-    def used_settings(self, method: str) -> UsedSettings:
-        """Returns the settings of a method, without those set by the evaluator as changes."""
-        return used_settings(method, self.options.settings, SET_BY_EVALUATOR)
+    def used_settings(self, method: str) -> tuple[Settings, str, dict[str, SettingValue]]:
+        """Returns the settings of a method, the nearest preset, and what was set explicitly.
+
+        That is told whatever the values, but not what the evaluator has set.
+        """
+        own = settings_for(method, self.options.settings)
+        return own, *nearest_preset(own, SET_BY_EVALUATOR, own.explicit)
 
     def resuming(self, before: "RunRecord", folder: Path) -> "RunRecord":
         """Returns the record of a resumed run, which may have more recordings and methods.
