@@ -146,14 +146,12 @@ def _frames(path: Path, prefix: str) -> Iterator[tuple[int, dict[int, NDArray[np
     rows = _rows(path, [_STAMP, _LASER, f"{prefix}.values", f"{prefix}.shape"], batch_size=1)
     with reading(path):
         for micros, frame in groupby(rows, key=lambda row: int(row[0])):
-            yield (
-                micros,
-                {
-                    laser: np.asarray(values, dtype=np.float32).reshape(tuple(shape))
-                    for _, laser, values, shape in frame
-                    if values is not None
-                },
-            )
+            images = {
+                laser: np.asarray(values, dtype=np.float32).reshape(tuple(shape))
+                for _, laser, values, shape in frame
+                if values is not None
+            }
+            yield micros, images
 
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:

@@ -203,28 +203,18 @@ class TruthTrack:
         self._name = name
         self._head = next(self._clouds, None)
 
-    def cloud_of(self, stamp_ns: int) -> tuple[TruthCloud | None, int]:
-        """Returns the truth cloud of a sweep, and the number of clouds skipped before it.
-
-        The sweep of a skipped cloud is missing.
-        """
-        passed_over = 0
-        while self._head is not None and self._head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
-            self._head = next(self._clouds, None)
-            passed_over += 1
-        if self._head is None or self._head.stamp_ns > stamp_ns + _SAME_STAMP_NS:
-            return None, passed_over
-        cloud, self._head = self._head, next(self._clouds, None)
-        return cloud, passed_over
-
     def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
         """Returns the truth of the points of a sweep, and the number of clouds skipped before it.
 
-        Truth that does not fit is reported, and not used.
+        The sweep of a skipped cloud is missing. Truth that does not fit is reported, and not used.
         """
-        cloud, passed_over = self.cloud_of(sweep.stamp_ns)
-        if cloud is None:
+        passed_over = 0
+        while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
+            self._head = next(self._clouds, None)
+            passed_over += 1
+        if self._head is None or self._head.stamp_ns > sweep.stamp_ns + _SAME_STAMP_NS:
             return None, passed_over
+        cloud, self._head = self._head, next(self._clouds, None)
         try:
             return cloud.of(sweep), passed_over
         except RecordingError as error:
