@@ -5,6 +5,7 @@ import argparse
 import math
 from contextlib import suppress
 from decimal import Decimal
+from pathlib import Path
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
@@ -28,6 +29,7 @@ def add_explain(arguments: Arguments) -> str:
     arguments.recordings("bag BAG", "recording")
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
+    arguments.value("--picture FILE", "write the object in the other sweeps as a PNG file")
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.method()
@@ -58,5 +60,8 @@ def run_explain(options: argparse.Namespace) -> None:
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
     place = options.stamp, options.at
-    for line in explain(recording, evaluation, *place, options.method or ""):
+    lines, picture = explain(recording, evaluation, *place, options.method or "")
+    for line in lines:
         console.say(line)
+    if options.picture and picture:
+        Path(options.picture).write_bytes(picture)

@@ -131,7 +131,7 @@ class PointState(IntEnum):
 
     @property
     def text(self) -> str:
-        """Its name for people."""
+        """Its name in tables and pictures."""
         return "passed through" if self is PointState.FREE else self.name.lower()
 
 

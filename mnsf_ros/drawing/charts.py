@@ -1,26 +1,43 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The loss landscape as the bytes of a PNG file."""
+"""The loss landscape, and the picture of `mnsf explain`, as the bytes of a PNG file."""
 
 import io
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
-import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _DPI: Final = 120
 _LEVELS: Final = 16
+_FAINT: Final = "#59626e"
+_PANEL_IN: Final = 3.2
+_LEGEND_IN: Final = 0.4
+_MARGIN_M: Final = 1.0
+# They can be told apart with colour blindness, too.
+_STATE_COLORS: Final = {
+    "hit": "#14804a",
+    "passed through": "#c4450a",
+    "hidden": "#8e3fb3",
+    "unclear": "#a86a00",
+}
 
 
-def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
+def height_maps(title: str, maps: "Mapping[str, pd.DataFrame]") -> bytes:
     """Draws the rise of losses in metres above that in the middle, with the same levels for all.
 
     Each map has losses: (G,) steps as columns, and as rows along the second direction, symmetric,
     0 in the middle.
     """
-    figure = Figure((4.2 * len(maps) + 1.0, 5.0), layout="constrained")
+    figure = _figure(4.2 * len(maps) + 1.0, 5.0)
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
     rises = [(losses_m - losses_m.at[0.0, 0.0]).clip(lower=0.0) for losses_m in maps.values()]
     highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
@@ -40,6 +57,71 @@ def height_maps(title: str, maps: Mapping[str, pd.DataFrame]) -> bytes:
     bar.minorticks_off()
     figure.suptitle(title)
     return png_bytes(figure)
+
+
+class Panel(NamedTuple):
+    """An object in another sweep.
+
+    Attributes:
+        title: A line above it.
+        points: (Q, 3) metres, the other sweep around it.
+        positions: State to (P, 3) metres, the object's points; states as in the legend.
+    """
+
+    title: str
+    points: NDArray[np.float32]
+    positions: dict[str, NDArray[np.float32]]
+
+
+@mpl.rc_context({"text.parse_math": False})  # a dollar sign in a name is no formula
+def match_picture(title: str, rows: Sequence[Sequence[Panel]]) -> bytes:
+    """Returns a PNG file of panels from above, rows of the same number, at least one.
+
+    All panels show the same part of the world, x to the right and y up.
+    """
+    width, height = _PANEL_IN * len(rows[0]), _PANEL_IN * len(rows)
+    figure = _figure(width, height + _LEGEND_IN)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    axes_of = figure.subplots(len(rows), len(rows[0]), sharex=True, sharey=True, squeeze=False)
+    everything = [places for row in rows for each in row for places in each.positions.values()]
+    xy = np.concatenate(everything)[:, :2]
+    low, high = xy.min(axis=0) - _MARGIN_M, xy.max(axis=0) + _MARGIN_M
+    middle, half = (low + high) / 2, float((high - low).max()) / 2
+    for axes_row, row in zip(axes_of, rows, strict=True):
+        for axes, panel in zip(axes_row, row, strict=True):
+            _draw_match(axes, panel)
+    axes_of[0, 0].set(
+        xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half)
+    )
+    for axes in axes_of[-1]:
+        axes.set_xlabel("x (m)")
+    for axes in axes_of[:, 0]:
+        axes.set_ylabel("y (m)")
+    marks = [
+        Line2D([], [], linestyle="", marker="o", color=color, markersize=5, label=name)
+        for name, color in _STATE_COLORS.items()
+    ]
+    marks.append(
+        Line2D([], [], linestyle="", marker=".", color=_FAINT, label="points of that sweep")
+    )
+    figure.legend(handles=marks, loc="outside lower left", ncols=len(marks))
+    return png_bytes(figure)
+
+
+def _draw_match(axes: Axes, panel: Panel) -> None:
+    axes.set_title(panel.title, fontsize=9)
+    axes.set_aspect("equal")
+    axes.grid(visible=True, linewidth=0.5)
+    x, y, _ = panel.points.T
+    axes.scatter(x, y, s=3, color=_FAINT, linewidths=0)
+    for name, positions in panel.positions.items():
+        x, y, _ = positions.T
+        axes.scatter(x, y, s=16, color=_STATE_COLORS[name], linewidths=0)
+
+
+def _figure(width: float, height: float) -> Figure:
+    """Returns an empty figure, in inches, with automatic layout."""
+    return Figure((width, height), layout="constrained")
 
 
 def png_bytes(figure: Figure) -> bytes:

@@ -6,8 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector_text
+from mnsf_ros.drawing.charts import Panel, match_picture
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.movers import LostBy, lost_by
@@ -37,8 +38,10 @@ def explain(
     stamp_ns: int,
     place_m: tuple[float, float],
     method: str = "",
-) -> list[str]:
-    """Returns the decision of a method at a place (x, y) metres in the sensor frame, as lines.
+) -> tuple[list[str], bytes | None]:
+    """Returns the decision of a method at a place (x, y) metres in the sensor frame.
+
+    As lines, and as a picture of the object in the other sweeps (PNG); None without an object.
 
     `method` defaults to the settings' `method.name`. The 3 s before the sweep are estimated, too,
     because it remembers them.
@@ -52,7 +55,25 @@ def explain(
     stamp_s = example.triplet.current.stamp_ns / NANOSECONDS
     heading = f"{recording.name}, sweep {example.number}, stamp {stamp_s:.3f} s"
     rows = rows_at(example.triplet.current.xyz, estimate, place_m)
-    return [heading, *decision(example, estimate, rows)]
+    lines = [heading, *decision(example, estimate, rows)]
+    reason = reason_for(estimate, rows)
+    return lines, _picture(f"{heading}: {reason.verdict.value}", reason)
+
+
+def _picture(title: str, reason: Reason) -> bytes | None:
+    """The object in each other sweep: static above, moving below if a motion was fitted."""
+    matches = {
+        "static": [(one, one.static) for one in reason.sweeps],
+        "moves": [(one, one.moving) for one in reason.sweeps if one.moving is not None],
+    }
+    rows = [[_panel(name, *pair) for pair in pairs] for name, pairs in matches.items() if pairs]
+    return match_picture(title, rows) if rows else None
+
+
+def _panel(name: str, sweep: SweepTerms, match: Match) -> Panel:
+    title = f"{name}, sweep at {sweep.age_s:+.1f} s: residual {match.residual_m:.3f} m"
+    positions = {state.text: match.positions[match.states == state] for state in PointState}
+    return Panel(title, sweep.points, positions)
 
 
 def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) -> list[str]:

@@ -43,12 +43,13 @@ def seconds(stamp_ns):
     return f"--stamp={stamp_ns // 10**9}.{stamp_ns % 10**9:09}"
 
 
-def test_mover_and_ground(street, sweep, capsys):
+def test_mover_and_ground(street, sweep, capsys, tmp_path):
     stamp_ns, xyz, truth = sweep
     ids = truth.object_id
     movers = [i for i in np.unique(ids[truth.dynamic]) if (ids == i).sum() > 100]
     nearest = min(movers, key=lambda i: np.hypot(*xyz[ids == i, :2].T).min())
-    status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[ids == nearest]))
+    picture, place = tmp_path / "car.png", at(xyz[ids == nearest])
+    status, text, _ = explained(capsys, street, seconds(stamp_ns), place, "--picture", picture)
     assert status == 0
     assert f"street, sweep 4, stamp {stamp_ns / 1e9:.3f} s" in text
     assert re.search(r"Called dynamic: (\d+) of \1 points", text)
@@ -57,6 +58,7 @@ def test_mover_and_ground(street, sweep, capsys):
     match = rf"0\.\d+ m {shares}"
     assert re.search(rf"Sweep at \+0\.1 s: if static {match}; if it moves {match}\n", text)
     assert re.search(rf"Sweep at -0\.1 s: if static {match}; if it moves {match}\n", text)
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert re.search(r"Truth: \d+% of the points dynamic", text)
     far = truth.ground & (np.hypot(*xyz[:, :2].T) > 6)
     status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[far][:1]))
