@@ -16,13 +16,12 @@ from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.routes import LEVEL, Route, Slope
 
 LANE_LATERAL_M = 2.0
-_PARKING_LATERAL_M = 5.4
 CURB_HEIGHT_M = 0.14
 _SIDE_ROAD_HALF_WIDTH_M = 4.0
 _ROUTE_STEP_M = 0.5
 _BISECTIONS = 14
 # Intensities, and their standard deviation.
-_ASPHALT, _SIDEWALK, _PAINT = 22.0, 48.0, 150.0
+_ASPHALT, _SIDEWALK = 22.0, 48.0
 _SPECKLE = 5.0
 
 
@@ -192,33 +191,14 @@ def _curb_ranges(
 
 
 def intensities(
-    street: Street,
-    world: FloatArray,
-    class_id: NDArray[np.uint8],
-    reflectivity: FloatArray,
-    rng: np.random.Generator,
+    class_id: NDArray[np.uint8], reflectivity: FloatArray, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Returns (N,) intensities from 0 to 255 of points (N, 3) in world metres, with speckle.
+    """Returns (N,) intensities from 0 to 255, with speckle, of points of some classes (N,).
 
     The (N,) reflectivity is the mean intensity of the body each point is on, ignored on the ground.
     """
     brightness = reflectivity.copy()
+    brightness[class_id == SurfaceClass.ROAD] = _ASPHALT
     brightness[class_id == SurfaceClass.SIDEWALK] = _SIDEWALK
-    road = np.flatnonzero(class_id == SurfaceClass.ROAD)
-    painted = _is_painted(street, world[road, 0], world[road, 1])
-    brightness[road] = np.where(painted, _PAINT, _ASPHALT)
     brightness += rng.normal(0.0, _SPECKLE, len(brightness))
     return np.clip(brightness, 0.0, 255.0).astype(np.float32)
-
-
-def _is_painted(street: Street, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-    """Mask of places on the asphalt with a center dash, a parking line or a zebra crossing."""
-    lateral = street.centerline.lateral(x, y)
-    dashes = (np.abs(lateral) < 0.08) & (x % 9.0 < 4.0)
-    parking = np.abs(np.abs(lateral) - (_PARKING_LATERAL_M - 1.15)) < 0.06
-    painted = dashes | parking
-    for crossing in street.crossings:
-        along = crossing.along(x, y)
-        painted &= np.abs(along) > 9.0
-        painted |= (np.abs(along + 7.0) < 1.4) & (lateral % 1.0 < 0.5)
-    return painted

@@ -95,11 +95,9 @@ class SweepSimulator:
         xyz = (directions * measured[:, None]).astype(np.float32)
         body, class_id = body[kept], class_id[kept]
         flow, dynamic = self._truth(xyz.astype(np.float64), body, time_s)
-        world = apply(world_from_sensor, directions * ranges[kept, None])
-        street, reflectivity = self.scene.street, self._reflectivity[body]
         return {
             "xyz": xyz,
-            "intensity": intensities(street, world, class_id, reflectivity, rng),
+            "intensity": intensities(class_id, self._reflectivity[body], rng),
             "ring": (kept % rays.shape[1]).astype(np.uint16),
             "flow": flow,
             "valid": valid[kept],
