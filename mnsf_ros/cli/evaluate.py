@@ -207,10 +207,7 @@ def _new_folder(paths: Sequence[Path]) -> Path:
 def _methods(
     options: argparse.Namespace, evaluation: EvaluationOptions, console: Console
 ) -> tuple[list[EvaluatedMethod], list[str]]:
-    """The named methods that work, and an error text for each other one.
-
-    By default those whose libraries are installed.
-    """
+    """The named methods that work, by default those installed, and an error text of each other."""
     names = _split(options.methods) if options.methods else DEFAULT_METHODS
     found: list[EvaluatedMethod] = []
     failed: list[str] = []

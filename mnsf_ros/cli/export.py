@@ -131,14 +131,7 @@ def _export(
 def _exported_sweeps(
     recording: EvaluatedRecording, method: str, options: EvaluationOptions, console: Console
 ) -> Iterator[ExportedSweep]:
-    """Yields the sweeps in stamp order, and tells of sweeps without an estimate and of damage.
-
-    Poses and ground are those of the recording, else those of the method and of the settings.
-
-    Raises:
-        DatasetError: The pose of a sweep is not known.
-        MnsfError: The recording cannot be read, or there is no such method.
-    """
+    """Yields the sweeps in stamp order, and tells of sweeps without an estimate and of damage."""
     stream = Stream(options.settings, method)
     options = options.for_methods([EvaluatedMethod(method, stream.traits)], pairs=True)
     findings, ground = Findings(), options.settings.ground

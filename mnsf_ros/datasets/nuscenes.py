@@ -64,11 +64,7 @@ _Keyframes: TypeAlias = Mapping[int, Mapping[str, Box]]
 def _boxes_at(
     micros: int, keyframes: _Keyframes, world_from_lidar: FloatArray
 ) -> tuple[Box, ...] | None:
-    """Returns the boxes in the frame of a sweep, those between two keyframes interpolated.
-
-    Before the first keyframe and after the last one there are no boxes: None. An object of only one
-    of two keyframes keeps its place there, with unknown motion.
-    """
+    """Returns the boxes in the frame of a sweep; None before the first keyframe, after the last."""
     earlier = max((moment for moment in keyframes if moment <= micros), default=None)
     later = min((moment for moment in keyframes if moment >= micros), default=None)
     if earlier is None or later is None:
@@ -76,6 +72,7 @@ def _boxes_at(
     share = (micros - earlier) / max(later - earlier, 1)
     lidar_from_world, boxes = invert(world_from_lidar), []
     for instance, box in {**keyframes[earlier], **keyframes[later]}.items():
+        # An object of only one of two keyframes keeps its place there, with unknown motion.
         pose, track_id = box.pose, None
         if instance in keyframes[earlier] and instance in keyframes[later]:
             pose = interpolated_pose(keyframes[earlier][instance].pose, pose, share)

@@ -35,18 +35,12 @@ WAYMO: Final = {
 
 
 class _Laser(NamedTuple):
-    """Mount and row angles of one lidar.
-
-    Attributes:
-        vehicle_from_laser: (4, 4) pose.
-        inclinations_rad: (H,) angle above the horizontal of each row, from the lowest row up; None
-            if the rows are spread evenly over the range.
-        range_rad: Lowest and highest angle.
-    """
+    """Mount and row angles of one lidar."""
 
     vehicle_from_laser: NDArray[np.float64]
+    # (H,) above the horizontal, from the lowest row up; None: spread evenly over the range.
     inclinations_rad: NDArray[np.float64] | None
-    range_rad: tuple[float, float]
+    range_rad: tuple[float, float]  # lowest and highest angle
 
     def points(self, image: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (H, W, 3) points of the pixels of a range image (H, W, ...), vehicle frame."""

@@ -114,10 +114,7 @@ def _worked(
     num_in_order: int,
     dropped: list[_Job],
 ) -> Iterator[tuple[_Job, float]]:
-    """Yields jobs that arrive at times with their ends; the others are added to `dropped`.
-
-    `work` returns its run time.
-    """
+    """Yields jobs with their ends by the run times of `work`; `dropped` gets the others."""
     idle_from_ms = -math.inf
     waiting: LatestOnlyQueue[tuple[_Job, float]] = LatestOnlyQueue(num_in_order)
 

@@ -118,10 +118,7 @@ def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> str
 
 
 def _git_commit() -> str:
-    """The commit of this package's checkout, with `+changes` if there are any.
-
-    Empty if the package is not in a checkout of its own, for example installed from a wheel.
-    """
+    """The commit, with `+changes` if there are any; empty without a checkout of its own."""
     is_stored = _git("ls-files", "--error-unmatch", __file__)
     describe = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
     return _git(*describe) if is_stored else ""

@@ -187,10 +187,7 @@ def true_motion(
 def _of_one_time(
     times_s: NDArray[np.float32] | None, number: int
 ) -> list[slice] | list[NDArray[np.int64]]:
-    """Parts of a sweep by measurement time; one part without times.
-
-    In a bend ego motion changes during a sweep.
-    """
+    """Parts of a sweep by time, as ego motion changes in a bend; one part without times."""
     if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
         return [slice(None)]
     return np.array_split(np.argsort(times_s, kind="stable"), _NUM_TIMES)

@@ -226,11 +226,7 @@ class TruthTrack:
 
 
 def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa: ANN401
-    """Checks that the valid rows of a truth cloud with positions are in the order of its sweep.
-
-    Raises:
-        RecordingError: A row has another position.
-    """
+    """Raises RecordingError if a valid row of truth has another position than in its sweep."""
     points = decode_points(message).ravel()[sweep.source.rows]
     if not set("xyz") <= set(points.dtype.names or ()):
         return

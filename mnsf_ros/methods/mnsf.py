@@ -80,10 +80,7 @@ def _field_flows(bench: Workbench, networks: Networks) -> list[torch.Tensor]:
         return _fitted_flows(bench, networks, schedules)
 
     def loss_of() -> tuple[torch.Tensor, torch.Tensor]:
-        """The sum, as in the authors' code, not in the paper: they share one optimizer.
-
-        Whether it still falls is judged by the first field alone; the others may stop half-way.
-        """
+        """The sum, as in the authors' code; the first field alone tells whether it still falls."""
         pairs = zip(fields, (bench.next, *bench.before), strict=True)
         losses = [_loss(bench, field, target) for field, target in pairs]
         return torch.stack(losses).sum(), losses[0]

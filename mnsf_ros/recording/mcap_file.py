@@ -30,17 +30,11 @@ _MAX_BYTES: Final = 2**29
 
 
 class _Place(NamedTuple):
-    """A chunk, or a message outside of chunks.
-
-    Attributes:
-        offset: Its first byte.
-        end_ns: Receive time of its last message.
-        channels: Channels that it has messages of; empty if unknown.
-    """
+    """A chunk, or a message outside of chunks."""
 
     offset: int
-    end_ns: float
-    channels: Collection[int] = ()
+    end_ns: float  # receive time of its last message
+    channels: Collection[int] = ()  # that it has messages of; empty if unknown
 
 
 class McapFile(StorageFile):
@@ -185,11 +179,7 @@ def _records(file: BinaryIO, offset: int) -> Iterator[Any]:
 
 
 def _summary(file: BinaryIO) -> tuple[Summary | None, bool]:
-    """The index at the end of an mcap file, if there is one, and whether it has a checksum.
-
-    Raises:
-        Exception: One of `UNREADABLE`: it is damaged, or the file is cut short.
-    """
+    """The index at the end of an mcap file, if there is one, and whether it has a checksum."""
     size = file.seek(0, SEEK_END)
     file.seek(max(0, size - _FOOTER_BYTES))
     tail = file.read()

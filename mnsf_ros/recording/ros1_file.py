@@ -46,11 +46,7 @@ class Ros1File(StorageFile):
 
 
 def _cdr(raw: bytes, msgtype: str, ros1: Typestore) -> bytes:
-    """A ROS 1 message as CDR bytes; fields that ROS 2 has not, such as `seq`, are left out.
-
-    Raises:
-        ValueError: ROS 2 has no type of this name, or one with further fields.
-    """
+    """A ROS 1 message as CDR bytes; fields that ROS 2 has not, such as `seq`, are left out."""
     message = ros1.deserialize_ros1(raw, msgtype)
     try:
         return bytes(jazzy().serialize_cdr(message, msgtype))

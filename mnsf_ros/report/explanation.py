@@ -128,10 +128,7 @@ def _estimated(
 
 
 def _truth_at(example: Example, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], float, str]:
-    """Mean true motion (3,) over ground, metres, share of dynamic points, and both as a line.
-
-    The line is empty where they are not known.
-    """
+    """Mean true motion (3,) over ground, share of dynamic points; both as a line if known."""
     truth = example.truth
     if truth is None or not truth.valid[rows].any():
         return np.zeros(3), 0.0, ""

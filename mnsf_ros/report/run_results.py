@@ -212,10 +212,7 @@ def _without_example(run: RunRecord) -> Iterator[Note]:
 
 
 def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
-    """Failures of each method, those whose reasons differ in numbers alone together.
-
-    Dropped examples do not count. A recording is incomplete if all of its examples failed.
-    """
+    """Failures of each method but drops, those whose reasons differ in numbers alone together."""
     answered = {(row.method, row.recording) for row in rows if row.failure is None}
     kinds: dict[tuple[str, str], list[ResultRow]] = {}
     for row in rows:

@@ -217,10 +217,7 @@ def merged_sweep(
 
 
 def _times_s(sweeps: list[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
-    """(N,) seconds after the common stamp; None if all points were measured at that stamp.
-
-    Points of a sweep without times were measured at its own stamp.
-    """
+    """(N,) seconds after the common stamp; None if all points were measured at that stamp."""
     if all(sweep.times_s is None and sweep.stamp_ns == stamp_ns for sweep in sweeps):
         return None
     parts = [

@@ -161,23 +161,14 @@ class ConsistencyJudge:
 
 @dataclass(frozen=True, eq=False)
 class _Landing:
-    """Chosen points of an example, and the later sweep on which they should land.
+    """Chosen points of an example, and the later sweep on which they should land."""
 
-    Attributes:
-        place: Number of the example in its half.
-        later: Number of the later example.
-        num_intervals: Time between them, in intervals to the next sweep.
-        rows: (M,) the chosen points of the current sweep.
-        xyz: (M, 3) metres, sensor frame.
-        tree: Points of the later sweep, its sensor frame.
-    """
-
-    place: int
+    place: int  # number of the example in its half
     later: int
-    num_intervals: float
-    rows: NDArray[np.int64]
-    xyz: NDArray[np.float64]
-    tree: cKDTree
+    num_intervals: float  # time between them, in intervals to the next sweep
+    rows: NDArray[np.int64]  # (M,) the chosen points of the current sweep
+    xyz: NDArray[np.float64]  # (M, 3) metres, sensor frame
+    tree: cKDTree  # points of the later sweep, its sensor frame
 
     def errors(
         self, known: Sequence[OverGround | None], *, are_static: bool

@@ -207,12 +207,7 @@ def check_optuna() -> None:
 def _open_study(
     folder: Path, identity: Mapping[str, object], seed: int, *, resume: bool
 ) -> "optuna.Study":
-    """Opens the trials in a folder, which is made if it is not there.
-
-    Raises:
-        EvaluationError: The trials are damaged, or `resume` is false, or they are of a search with
-            another identity: recordings, settings and options on which costs depend.
-    """
+    """Opens the trials in a folder; `identity` has all that costs depend on."""
     import optuna
     from optuna.storages.journal import JournalFileBackend
 
