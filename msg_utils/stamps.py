@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Header stamp <-> integer nanoseconds."""
 
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from msg_utils.errors import INT32_MAX, checked_integer
 
@@ -10,13 +10,6 @@ LATEST_STAMP_NS: Final = INT32_MAX * NANOSECONDS_PER_SECOND + NANOSECONDS_PER_SE
 
 # Any object with `sec` and `nanosec`, as builtin_interfaces/Time has.
 StampLike: TypeAlias = Any
-
-
-class Stamp(NamedTuple):
-    """Values of the two fields of builtin_interfaces/Time, in its order."""
-
-    sec: int
-    nanosec: int
 
 
 def decode_stamp(stamp: StampLike) -> int:
@@ -34,12 +27,12 @@ def decode_stamp(stamp: StampLike) -> int:
     return sec * NANOSECONDS_PER_SECOND + nanosec
 
 
-def encode_stamp(stamp_ns: int) -> Stamp:
-    """Returns nanoseconds since the epoch as a header stamp, `nanosec` below one second.
+def encode_stamp(stamp_ns: int) -> tuple[int, int]:
+    """Returns `sec` and `nanosec`, below one second, of nanoseconds since the epoch.
 
     Raises:
         MessageError: The time is no integer, is before the epoch, or is after January 2038, where
             the seconds of the message overflow.
     """
     checked = checked_integer(stamp_ns, "stamp_ns", LATEST_STAMP_NS)
-    return Stamp(*divmod(checked, NANOSECONDS_PER_SECOND))
+    return divmod(checked, NANOSECONDS_PER_SECOND)

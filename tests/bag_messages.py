@@ -10,7 +10,9 @@ from msg_utils.stamps import encode_stamp
 
 def cloud_cdr(cloud, stamp_ns, frame_id="lidar", *, is_dense=True):
     """CDR bytes of an encoded cloud."""
-    header = SimpleNamespace(stamp=encode_stamp(stamp_ns), frame_id=frame_id)
+    sec, nanosec = encode_stamp(stamp_ns)
+    stamp = SimpleNamespace(sec=sec, nanosec=nanosec)
+    header = SimpleNamespace(stamp=stamp, frame_id=frame_id)
     return serialized_cloud(header, cloud, is_dense=is_dense)
 
 
