@@ -16,7 +16,7 @@ from mnsf_ros.evaluation.tracks import Findings, TruthTrack, recorded_sweeps, tr
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
 
 
@@ -25,11 +25,6 @@ class EstimatedSweep(NamedTuple):
 
     example: Example
     estimate: FlowEstimate
-
-    @property
-    def triplet(self) -> SweepTriplet:
-        """The sweeps."""
-        return self.example.triplet
 
 
 def estimated_sweeps(
@@ -74,7 +69,7 @@ def estimated_sweeps(
 
 def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
     """Returns a sweep as it is drawn, in the colours of a layer: estimate, truth or error."""
-    current = sweep.triplet.current
+    current = sweep.example.triplet.current
     return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *pose_and_objects(sweep))
 
 
@@ -88,7 +83,8 @@ def _estimate_colors(sweep: EstimatedSweep) -> Colors:
     estimate, known = sweep.estimate, sweep.estimate.over_ground
     motion = estimate.flow if known is None else known.motion
     dynamic = np.zeros(len(motion), np.bool_) if known is None else known.dynamic
-    return motion_colors(motion / np.float32(sweep.triplet.interval_s or USUAL_INTERVAL_S), dynamic)
+    interval_s = sweep.example.triplet.interval_s or USUAL_INTERVAL_S
+    return motion_colors(motion / np.float32(interval_s), dynamic)
 
 
 def _truth_colors(sweep: EstimatedSweep) -> Colors:

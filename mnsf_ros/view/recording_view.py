@@ -179,7 +179,7 @@ class RecordingView(PageView):
         if sweep is None:
             self._end()
             return
-        stamp_ns = sweep.triplet.current.stamp_ns
+        stamp_ns = sweep.example.triplet.current.stamp_ns
         if self._first_stamp_ns is None:
             self._first_stamp_ns = stamp_ns
         position_s = (stamp_ns - self._first_stamp_ns) / NANOSECONDS
@@ -210,7 +210,7 @@ class RecordingView(PageView):
         self._publish_player()
         self._explain()
         now_s = time.monotonic()
-        self._interval_s = shown.sweep.triplet.interval_s or USUAL_INTERVAL_S
+        self._interval_s = shown.sweep.example.triplet.interval_s or USUAL_INTERVAL_S
         # Late sweeps are not caught up.
         self._due_s = max(now_s, self._due_s + self._interval_s / self._speed)
 
@@ -224,7 +224,7 @@ class RecordingView(PageView):
             sweep = self._kept[self._place].sweep
             at = self._asked.place_in(pose_and_objects(sweep)[1])
             try:
-                rows = rows_at(sweep.triplet.current.xyz, sweep.estimate, at)
+                rows = rows_at(sweep.example.triplet.current.xyz, sweep.estimate, at)
                 lines = decision(sweep.example, sweep.estimate, rows)
             except EvaluationError as error:
                 lines = [str(error)]
@@ -246,7 +246,7 @@ class RecordingView(PageView):
     def _publish_status(self, sweep: EstimatedSweep) -> None:
         estimate, known = sweep.estimate, sweep.estimate.over_ground
         values = {
-            "points": f"{len(sweep.triplet.current):,}",
+            "points": f"{len(sweep.example.triplet.current):,}",
             "dynamic objects": "unknown" if known is None else str(len(known.objects)),
             "estimate": f"{estimate.time_ms:.0f} ms",
         }
