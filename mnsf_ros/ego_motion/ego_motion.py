@@ -19,7 +19,7 @@ from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Stretch, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Stretch, Sweep
 
 # So many times the last interval: farther ahead an extrapolation is no guess any more.
 _MAX_INTERVALS: Final = 3.0
@@ -31,7 +31,6 @@ _MAX_STEP_M: Final = 1.0  # without stamps, too
 _ACCELERATION_M_S2: Final = 2.0
 _HEAVE_M: Final = 1.0
 _LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
-_USUAL_INTERVAL_S: Final = 0.1  # without stamps
 # A sweep is matched so often at most, each time with the motion that was found last.
 _MAX_ROUNDS: Final = 3
 # Poses that are remembered: more than methods look back.
@@ -244,7 +243,7 @@ class EgoMotion:
         last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
         motion = interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
-        elapsed_s = elapsed_ns / NANOSECONDS if elapsed_ns > 0 else _USUAL_INTERVAL_S
+        elapsed_s = elapsed_ns / NANOSECONDS if elapsed_ns > 0 else USUAL_INTERVAL_S
         turn = world_from_last[:3, :3]
         change_m = max(_ACCELERATION_M_S2 * elapsed_s**2, _LEAST_CHANGE_M)
         change = np.diag(np.square([change_m, change_m, _HEAVE_M]))

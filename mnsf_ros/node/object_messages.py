@@ -17,6 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
+from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
@@ -136,7 +137,7 @@ def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Mess
     place, speed = pose.pose.position, twist.twist.linear
     place.x, place.y, place.z = item.center.tolist()
     set_yaw(pose.pose.orientation, item.yaw)
-    object_from_sensor = _turn(-item.yaw)
+    object_from_sensor = planar_pose(0.0, 0.0, -item.yaw)[:3, :3]
     speed.x, speed.y, speed.z = (object_from_sensor @ item.velocity).tolist()
     pose.covariance = _in_six(item.covariance[:3, :3])
     of_speed = object_from_sensor @ item.covariance[3:, 3:] @ object_from_sensor.T
@@ -155,7 +156,8 @@ def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Messag
         size.x, size.y, size.z = item.size.tolist()
         set_yaw(found.orientation, item.yaw)
     else:
-        size.x, size.y, size.z = (np.abs(_turn(item.yaw)) @ item.size).tolist()
+        turn = planar_pose(0.0, 0.0, item.yaw)[:3, :3]
+        size.x, size.y, size.z = (np.abs(turn) @ item.size).tolist()
     if hasattr(found, "velocity_covariance"):
         found.position_covariance = item.covariance[:3, :3].ravel()
         found.velocity_covariance = item.covariance[3:, 3:].ravel()
@@ -189,12 +191,6 @@ _OPTIONAL: Final = {
 
 def _uuid(item: TrackedObject, run: UUID) -> NDArray[np.uint8]:
     return np.frombuffer(uuid5(run, str(item.track_id)).bytes, np.uint8)
-
-
-def _turn(yaw: float) -> NDArray[np.float64]:
-    """(3, 3) rotation about z, radians."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
 
 
 def _in_six(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
