@@ -50,10 +50,6 @@ _HEADERS: Final = {
 }
 
 
-class ViewError(MnsfError):
-    """Nothing can be shown."""
-
-
 class PageServer:
     """Serves the page to browsers, in a thread of its own.
 
@@ -103,14 +99,14 @@ class PageServer:
         On an address of the network the address has a token, without which nobody is served.
 
         Raises:
-            ViewError: The address cannot be used.
+            MnsfError: The address cannot be used.
         """
         self._access = _Access(host)
         with _running_loop() as loop:
             try:
                 server = asyncio.run_coroutine_threadsafe(self._serve(host, port), loop).result()
             except (OSError, OverflowError) as error:
-                raise ViewError(
+                raise MnsfError(
                     f"cannot serve on {host}:{port}: {error}; choose another --host or --port"
                 ) from None
             self._loop = loop
