@@ -14,27 +14,16 @@ from mnsf_ros.setting import SettingValue
 
 @dataclass(frozen=True)
 class EvaluatedRecording:
-    """A recording and the topics that are used of it.
+    """A recording and the topics that are used of it."""
 
-    Attributes:
-        name: Its name in results.
-        path: Its path.
-        points: Topic of the sweeps.
-        truth: Topic of the true flow; None if there is none.
-        odometry: Topic of the sensor's poses; None if there is none.
-        num_sweeps: Number of sweeps that are stored.
-        damages: Unreadable parts.
-        fingerprint: See `recording.bag_files`.
-    """
-
-    name: str
+    name: str  # in results
     path: str
-    points: str
-    truth: str | None
-    odometry: str | None
-    num_sweeps: int
-    damages: list[str]
-    fingerprint: dict[str, SettingValue]
+    points: str  # topic of the sweeps
+    truth: str | None  # topic of the true flow
+    odometry: str | None  # topic of the sensor's poses
+    num_sweeps: int  # that are stored
+    damages: list[str]  # unreadable parts
+    fingerprint: dict[str, SettingValue]  # see `recording.bag_files`
 
     @property
     def identity(self) -> dict[str, object]:

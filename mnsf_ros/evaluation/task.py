@@ -25,23 +25,14 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 @dataclass(frozen=True)
 class FinishedTask:
-    """End of one method on one recording, and what was noticed.
-
-    Attributes:
-        recording: Name of the recording.
-        method: Name of the method.
-        num_examples: Number of its rows.
-        counts: Event to its number.
-        damages: Parts that could not be read.
-        failure: Why it was given up, in one line; then a resumed run tries again.
-    """
+    """End of one method on one recording, and what was noticed."""
 
     recording: str
     method: str
     num_examples: int = 0
-    counts: dict[str, int] = field(default_factory=dict)
-    damages: list[str] = field(default_factory=list)
-    failure: str | None = None
+    counts: dict[str, int] = field(default_factory=dict)  # of events
+    damages: list[str] = field(default_factory=list)  # parts that could not be read
+    failure: str | None = None  # why it was given up, in one line; a resumed run tries again
 
     @property
     def key(self) -> TaskKey:

@@ -43,17 +43,11 @@ def has_latched_profile(profiles: str) -> bool:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """Type and number of messages of a topic.
+    """Type and number of messages of a topic."""
 
-    Attributes:
-        msgtype: For example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags.
-        count: Number of messages that are stored.
-        is_latched: Whether late subscribers got the last message, too.
-    """
-
-    msgtype: str
-    count: int
-    is_latched: bool = False
+    msgtype: str  # for example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags
+    count: int  # messages that are stored
+    is_latched: bool = False  # late subscribers got the last message, too
 
 
 def add_topic(topics: dict[str, TopicSummary], name: str, found: TopicSummary) -> None:

@@ -25,15 +25,10 @@ _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
 class Note(NamedTuple):
-    """A limit of the figures, in one line.
-
-    Attributes:
-        text: The line.
-        is_incomplete: Whether a recording was not evaluated as a whole.
-    """
+    """A limit of the figures, in one line."""
 
     text: str
-    is_incomplete: bool = False
+    is_incomplete: bool = False  # a recording was not evaluated as a whole
 
 
 @dataclass(frozen=True)

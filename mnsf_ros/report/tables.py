@@ -16,17 +16,11 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
 class Column(NamedTuple):
-    """A column of numbers.
+    """A column of numbers."""
 
-    Attributes:
-        title: Title with unit.
-        decimals: Digits behind the point; None for whole numbers with commas.
-        factor: Factor from values to the unit of the title, 100 for shares in percent.
-    """
-
-    title: str
-    decimals: int | None = 3
-    factor: float = 1.0
+    title: str  # with its unit
+    decimals: int | None = 3  # behind the point; None for whole numbers with commas
+    factor: float = 1.0  # from values to the unit, 100 for shares in percent
 
     def cell(self, value: float) -> str:
         """Returns the text of a value, a dash for NaN."""

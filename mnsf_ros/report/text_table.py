@@ -18,17 +18,11 @@ NO_VALUE: Final = "-"
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table of finished cells. The first column names the row, the others hold numbers.
-
-    Attributes:
-        header: C column titles.
-        rows: Rows of C cells.
-        title: Caption; may be empty.
-    """
+    """A table of finished cells. The first column names the row, the others hold numbers."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    title: str = ""
+    title: str = ""  # its caption
 
     @property
     def frame(self) -> pd.DataFrame:

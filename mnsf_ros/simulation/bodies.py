@@ -110,21 +110,13 @@ def _round_interval(
 
 @dataclass(frozen=True)
 class Model:
-    """A thing in its own frame: x forward, y left, z up, the origin on the ground.
-
-    Attributes:
-        surface_class: Class of its points.
-        shapes: The solids it is made of.
-        length_m: Extent along x that nothing else may enter, centered on the origin.
-        width_m: The same along y.
-        reflectivity: Mean intensity of its points, 0 to 255.
-    """
+    """A thing in its own frame: x forward, y left, z up, the origin on the ground."""
 
     surface_class: SurfaceClass
     shapes: tuple[Shape, ...]
-    length_m: float
-    width_m: float
-    reflectivity: float
+    length_m: float  # along x, which nothing else may enter, centered on the origin
+    width_m: float  # the same along y
+    reflectivity: float  # mean intensity of its points, 0 to 255
 
 
 # Draws a specimen.

@@ -65,25 +65,15 @@ class SimulationSettings:
 
 
 class Scenario(NamedTuple):
-    """What scenarios differ in; the default is a random world.
-
-    Attributes:
-        places: Of which kind the place is.
-        egos: How the lidar moves.
-        speeds_m_s: Lowest and highest speed of each of these.
-        behaviours: Of ego vehicle and traffic.
-        numbers: Mean number of movers.
-        reach_m: From how far behind to how far ahead of the lidar traffic begins.
-        level: Share of places without a slope.
-    """
+    """What scenarios differ in; the default is a random world."""
 
     places: Mapping[str, float] = _PLACES
-    egos: Mapping[str, float] = _EGOS
-    speeds_m_s: Mapping[str, tuple[float, float]] = _SPEEDS_M_S
-    behaviours: Mapping[str, float] = _BEHAVIOURS
-    numbers: Mapping[float, float] = _NUMBERS
-    reach_m: tuple[float, float] = (-35.0, 55.0)
-    level: float = 0.7
+    egos: Mapping[str, float] = _EGOS  # how the lidar moves
+    speeds_m_s: Mapping[str, tuple[float, float]] = _SPEEDS_M_S  # lowest and highest of each
+    behaviours: Mapping[str, float] = _BEHAVIOURS  # of ego vehicle and traffic
+    numbers: Mapping[float, float] = _NUMBERS  # mean number of movers
+    reach_m: tuple[float, float] = (-35.0, 55.0)  # from behind to ahead, where traffic begins
+    level: float = 0.7  # share of places without a slope
 
 
 def scenario_of(settings: SimulationSettings) -> Scenario:

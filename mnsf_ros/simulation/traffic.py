@@ -107,21 +107,13 @@ def walk(route: Route, begin_s: float, speed_m_s: float) -> Trip:
 
 @dataclass(frozen=True)
 class Traffic:
-    """Movers of a place.
+    """Movers of a place."""
 
-    Attributes:
-        scenario: What they are drawn from.
-        place: Kind of the place.
-        street: The ground.
-        ego_speed_m_s: Speed of the vehicle with the lidar.
-        clearance: What is in their way.
-    """
-
-    scenario: Scenario
-    place: str
+    scenario: Scenario  # what they are drawn from
+    place: str  # its kind
     street: Street
-    ego_speed_m_s: float
-    clearance: Clearance
+    ego_speed_m_s: float  # of the vehicle with the lidar
+    clearance: Clearance  # what is in their way
 
     def drawn(self, rng: np.random.Generator) -> Iterator[tuple[str, list[Body]]]:
         """Yields movers that meet nothing, with the name of their kind."""

@@ -106,23 +106,14 @@ class StudyOptions:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Result of a study.
-
-    Attributes:
-        title: Headline of its page.
-        texts: Paragraphs on the measurement.
-        tables: Tables for people.
-        numbers: The CSV file; the same study gives the same one, times apart.
-        evaluation: Options behind the figures.
-        picture: A PNG file; empty if tables say it all.
-    """
+    """Result of a study."""
 
     title: str
-    texts: Sequence[str]
+    texts: Sequence[str]  # paragraphs on the measurement
     tables: Sequence[TextTable]
-    numbers: pd.DataFrame
-    evaluation: EvaluationOptions
-    picture: bytes = b""
+    numbers: pd.DataFrame  # the CSV file; the same study gives the same one, times apart
+    evaluation: EvaluationOptions  # behind the figures
+    picture: bytes = b""  # a PNG file; empty if tables say it all
 
 
 def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:
