@@ -13,7 +13,7 @@ half and on other worlds.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -31,7 +31,7 @@ from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects.confidence import doubtful_features, moving_features, standing_features
-from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.decision import CARRIED, PER_LOG, Decision
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.presets import preset
 
@@ -47,6 +47,11 @@ _REAL_COUNT, _HARMFUL_COUNT = 3.0, 0.5
 # Shorter motions to the next sweep are static for the gate, though people may be that slow.
 _MIN_MOTION_M: Final = 0.02
 _MIN_POINTS: Final = 5
+# Weights that are not fitted, by their columns.
+_FIXED: Final = {
+    "gate with past": {6: CARRIED},
+    "gate without past": {6: CARRIED, 7: PER_LOG},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +97,7 @@ def main() -> None:
     parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 30))
     options = parser.parse_args()
     for name, samples in _joined(range(*options.seeds), options.sweeps, options.cache).items():
-        weights = _fitted(samples)
+        weights = _fitted(samples, _FIXED.get(name, {}))
         losses = (samples.loss(said) for said in (samples.said, _logistic(samples, weights)))
         text = "{:.4f} with the current weights, {:.4f} with these".format(*losses)
         print(f"{name}: ({', '.join(f'{weight:.2f}' for weight in weights)}), loss {text}")
@@ -156,8 +161,15 @@ def _samples(
     features = standing_features(truth.sweep.xyz[rows[standing]])
     ones = np.ones(len(standing))
     yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
-    name = "gate with past" if scene.targets.past else "gate without past"
-    yield name, _gate_samples(decision, owners, _true_motion(truth, next_)[rows], count)
+    samples = _gate_samples(decision, owners, _true_motion(truth, next_)[rows], count)
+    if scene.targets.past:
+        yield "gate with past", samples
+        return
+    yield "gate without past", samples
+    # Most of what has a past has a track, too: what is new counts with what has no past.
+    features = samples.features.copy()
+    features[:, -1] = 0
+    yield "gate with past", replace(samples, features=features)
 
 
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
@@ -192,19 +204,23 @@ def _gate_samples(
     return Samples(features[kept], shares[kept], counts[kept], said)
 
 
-def _fitted(samples: Samples) -> NDArray[np.float64]:
+def _fitted(samples: Samples, fixed: Mapping[int, float]) -> NDArray[np.float64]:
     """Weights (F,) of a logistic regression with a small penalty; the first one is the constant."""
-    scale = np.maximum(samples.features.std(axis=0), 1e-9)
+    weights = np.zeros(samples.features.shape[1])
+    weights[list(fixed)] = list(fixed.values())
+    known = samples.features @ weights
+    free = np.setdiff1d(np.arange(len(weights)), list(fixed))
+    scale = np.maximum(samples.features[:, free].std(axis=0), 1e-9)
     scale[0] = 1.0
-    features = samples.features / scale
+    features = samples.features[:, free] / scale
 
     def loss(weights: NDArray[np.float64]) -> float:
-        scores = features @ weights
+        scores = features @ weights + known
         losses = np.logaddexp(0, scores) - samples.share * scores
         penalty = 1e-3 * float((weights[1:] ** 2).sum())
         return float(np.average(losses, weights=samples.counts)) + penalty
 
-    weights: NDArray[np.float64] = minimize(loss, np.zeros(len(scale))).x / scale
+    weights[free] = minimize(loss, np.zeros(len(scale))).x / scale
     return weights
 
 

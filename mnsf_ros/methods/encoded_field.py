@@ -63,7 +63,8 @@ class EncodedPoints:
         """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
         objects = self.objects
         moved = self._flow(self._steps[target][:, :, None] * heads)
-        distances, _, _ = self._compared(target, moved, objects.spacing)
+        limits_m = target.limits_m(objects, moved)
+        distances, _, _ = self._compared(target, moved, objects.spacing, limits_m)
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
     def fitted(self, target: Target, start: Heads) -> Heads:
@@ -100,12 +101,16 @@ class EncodedPoints:
         return headed(self._encoding, self.objects.owners, heads)
 
     def _compared(
-        self, target: Target, moved: NDArray[np.float32], within_m: NDArray[np.float32]
+        self,
+        target: Target,
+        moved: NDArray[np.float32],
+        within_m: NDArray[np.float32],
+        limits_m: NDArray[np.float32] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """As `PointGrid.compared`, each point by itself, after motions (P, 3) until the target."""
         positions, transform = self.objects.positions, target.from_current
         return target.sweep.grid.compared(
-            positions, self._each, moved, transform, within_m, TRUNCATION_M
+            positions, self._each, moved, transform, within_m, TRUNCATION_M, limits_m
         )
 
 

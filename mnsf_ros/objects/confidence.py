@@ -23,9 +23,9 @@ from mnsf_ros.objects.target import Targets
 # motion that no track confirms.
 _MOVING: Final = (-1.94, -1.36, 0.13, 0.20, 0.25, -8.38, -8.14, -2.75)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
-_DOUBTFUL: Final = (2.09, -4.88, 0.09)
+_DOUBTFUL: Final = (1.31, -10.17, 0.28)
 # Points that were never suspects: constant, per 10 m of range.
-_STANDING: Final = (3.01, -0.13)
+_STANDING: Final = (2.83, -0.25)
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.05
 # Residuals count from the spacing of the points on; this share of it is noise.

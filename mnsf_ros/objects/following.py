@@ -28,7 +28,7 @@ def follow(
 
     Args:
         tracks: Those before, as they are expected in this sweep.
-        seen: G things that move.
+        seen: G things that move, or may move.
         stamp_ns: Time of the sweep.
         next_id: Number of the first track that begins here.
     """
@@ -43,7 +43,8 @@ def follow(
         track = track_of.get(thing) or Track.begun(
             next(numbers), stamp_ns, seen.states[thing], seen.variances[thing]
         )
-        followed.append(track.seen(stamp_ns, points, float(seen.scores[thing])))
+        score, is_mover = float(seen.scores[thing]), bool(seen.are_moving[thing])
+        followed.append(track.seen(stamp_ns, points, score, moves=is_mover))
     # What became a part of another thing is not followed by itself.
     unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
     ids = np.array([track.track_id for track in followed], np.int64)

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.following import follow
-from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.tracks import Track, alive, expecting_shares
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, Stretch
+from mnsf_ros.sweeps.sweep import Start, Stretch
 
 # An object is that of a track if more than this share of its points is where that is expected.
 _MIN_SHARE: Final = 0.3
@@ -33,13 +32,11 @@ class Expectation:
         is_known: (K,) whether an object has a track.
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
         scores: (K,) logarithm of the odds that their track moves; 0 without one.
-        evidence: (K,) of their track, see `Track`; 0 without one.
     """
 
     is_known: NDArray[np.bool_]
     motions: NDArray[np.float32]
     scores: NDArray[np.float64]
-    evidence: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -54,7 +51,6 @@ class Expectation:
         is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
         scores = np.zeros(len(some))
-        evidence = np.zeros(len(some))
         if len(some) > 0 and len(tracks) > 0:
             world = transformed(some.positions, world_from_sensor).astype(np.float64)
             shares = expecting_shares(tracks, world, some.owners, len(some))
@@ -64,8 +60,7 @@ class Expectation:
             velocities = turned(velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
             scores[is_known] = np.array([track.score for track in tracks])[rows[is_known]]
-            evidence[is_known] = np.array([track.evidence for track in tracks])[rows[is_known]]
-        return cls(is_known, motions, scores, evidence)
+        return cls(is_known, motions, scores)
 
     def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
@@ -81,7 +76,6 @@ class Expectation:
             self.is_known[wanted],
             self.motions[wanted],
             self.scores[wanted],
-            self.evidence[wanted],
         )
 
 
@@ -114,32 +108,18 @@ class MotionMemory:
         return stretch.start if self._tracks is None else Start.WARM
 
     def follow(
-        self,
-        current: ObjectSweep,
-        movers: ObjectPoints,
-        moving: JudgedMotions,
-        scores: NDArray[np.float64],
-        interval_s: float,
+        self, current: ObjectSweep, seen: Sightings, interval_s: float
     ) -> tuple[list[Track], NDArray[np.int64]]:
-        """Associates movers of the current sweep with the tracks, and updates these.
+        """Associates what may move in the current sweep with the tracks, and updates these.
 
         Args:
             current: The current sweep.
-            movers: K objects that move.
-            moving: Their motions.
-            scores: (K,) logarithm of the odds that they move.
+            seen: What moves, or may move, there.
             interval_s: Time to the next sweep.
 
         Returns:
-            The tracks, and (K,) the number of the track of each mover.
+            The tracks, and (K,) the number of the track of each of the objects that were seen.
         """
-        seen = Sightings.of(
-            movers,
-            moving,
-            scores,
-            current.pose.world_from_sensor,
-            interval_s or USUAL_INTERVAL_S,
-        )
         before = self._expected_tracks(current, interval_s)
         tracks, ids = follow(before, seen, current.sweep.stamp_ns, self._next_id)
         self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)

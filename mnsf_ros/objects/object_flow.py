@@ -13,9 +13,8 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import (
     Decision,
-    Visibility,
-    are_beams,
     evidence,
+    free_space,
     moves,
     moving_scores,
 )
@@ -32,10 +31,11 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
+from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
 
 class ObjectFlowEstimator:
@@ -137,24 +137,30 @@ class ObjectFlowEstimator:
             fitted = searched.only(is_worth)
         moving = self.moved(fitted, scene, start[is_worth], clock)
         with clock.stage("gate"):
-            seen = Visibility.of(fitted.objects, targets, moving.motions)
+            fitted = fitted.rather_than(moving, targets)
+            free = free_space(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
-            features = evidence(fitted, moving, seen, are_parts)
-            scores, interval_s = moving_scores(features), scene.usual_interval_s
-            beams = are_beams(fitted.objects, moving, seen, targets.near[0])
-            is_moving = moves(fitted, moving, beams, scores, interval_s, settings)
-        return Decision(suspects, searched, start, fitted, moving, seen, features, is_moving)
+            features = evidence(fitted, moving, free, are_parts)
+            scores = moving_scores(features, has_past=fitted.has_past)
+            may_move, is_moving = moves(fitted, moving, scores, scene.usual_interval_s, settings)
+            seen = Sightings.of(
+                fitted.objects.only(may_move),
+                moving.only(may_move),
+                scores[may_move],
+                is_moving[may_move],
+                scene.current.pose.world_from_sensor,
+                scene.interval_s or USUAL_INTERVAL_S,
+            )
+            # What goes along with a mover is a part of it.
+            is_moving[may_move] = seen.are_moving[seen.groups]
+        return Decision(
+            suspects, searched, start, fitted, moving, free, features, is_moving, may_move, seen
+        )
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        is_moving = decision.is_moving
-        return self._memory.follow(
-            scene.current,
-            decision.fitted.objects.only(is_moving),
-            decision.moving.only(is_moving),
-            decision.scores[is_moving],
-            scene.interval_s,
-        )
+        tracks, ids = self._memory.follow(scene.current, decision.seen, scene.interval_s)
+        return tracks, ids[decision.is_moving[decision.may_move]]
 
     def moved(
         self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock

@@ -139,6 +139,16 @@ class ObjectPoints:
         _, widths, heights = self.extents
         return np.minimum(widths, heights)
 
+    @property
+    def heights(self) -> NDArray[np.float64]:
+        """(K,) metres, twice the height of the middle half of each object's points.
+
+        It leaves out what is above a mover: the roof of a tunnel, the crown of a tree.
+        """
+        # Points are in the order of their heights, see `thinned`.
+        low, high = (self.positions[self.starts + share * self.counts // 4, 2] for share in (1, 3))
+        return np.asarray(2 * (high - low), np.float64)
+
     def sums(self, values: NDArray[Any]) -> NDArray[Any]:
         """(K, ...) sums over each object's points of values (P, ...)."""
         if len(self) == 0:

@@ -54,6 +54,7 @@ class PointGrid:
         transform: NDArray[np.float64],
         within_m: NDArray[np.float32],
         reach_m: float,
+        limits_m: NDArray[np.float32] | None = None,
         most_m: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Compares the points of objects with those of the grid.
@@ -65,6 +66,7 @@ class PointGrid:
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
             reach_m: Points farther off do not count, at most `MAX_REACH_M`.
+            limits_m: (P,) metres, the largest distance that counts for a point.
             most_m: (K,) metres; from where its sum of distances is above, the other points of an
                 object are left out.
 
@@ -79,6 +81,7 @@ class PointGrid:
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
             np.float32(reach_m),
+            np.full(len(positions), np.float32(reach_m)) if limits_m is None else limits_m,
             np.full(len(motions), np.inf) if most_m is None else most_m,
             self.starts,
             self.points,
@@ -214,7 +217,7 @@ def _rows_of_nearest(
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], int64[::1]))"
     "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32,"
-    " float64[::1], int32[::1], float32[:, ::1])"
+    " float32[::1], float64[::1], int32[::1], float32[:, ::1])"
 )
 def _compared(
     positions: NDArray[np.float32],
@@ -223,6 +226,7 @@ def _compared(
     transform: NDArray[np.float32],
     within_m: NDArray[np.float32],
     reach_m: np.float32,
+    limits_m: NDArray[np.float32],
     most_m: NDArray[np.float64],
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
@@ -243,7 +247,8 @@ def _compared(
         py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
         pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
         nearest, squared = _nearest(px, py, pz, within_m[row], reach_m, starts, points)
-        distances[owner] += max(np.sqrt(squared) - within_m[row], np.float32(0.0))
+        beyond = max(np.sqrt(squared) - within_m[row], np.float32(0.0))
+        distances[owner] += min(beyond, limits_m[row])
         if nearest >= 0:
             counts[owner] += 1
             vectors[owner, 0] += points[nearest, 0] - px

@@ -53,15 +53,13 @@ class RangeView:
         """
         cells, ranges = _directions(np.ascontiguousarray(positions))
         nearest, around = self._nearest[cells], self._nearest_around[cells]
-        margin = margin_m(ranges)
+        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
         is_free: NDArray[np.bool_] = np.isfinite(around) & (around > ranges + margin)
         return is_free, nearest + margin < ranges
 
-
-def margin_m(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns (P,) metres by which a place at a range (P,) must be nearer than what is behind."""
-    margins: NDArray[np.float32] = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
-    return margins
+    def ranges(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (P,) metres of the nearest returns in the directions of places (P, 3)."""
+        return self._nearest[_directions(np.ascontiguousarray(positions))[0]]
 
 
 @compiled("float32(float32, float32)")

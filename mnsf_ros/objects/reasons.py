@@ -53,7 +53,7 @@ class Reasons:
             motion = self.decision.moving.motions[fitted]
             score = self.decision.scores[fitted]
             evidence = {
-                "free space": float(self.decision.seen.free[fitted]),
+                "free space": float(self.decision.free[fitted]),
                 "probability": float(1 / (1 + np.exp(-score))),
             }
         return Reason(

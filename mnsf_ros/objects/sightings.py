@@ -28,12 +28,13 @@ _SMALL_M: Final = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """G things that were seen to move, in the world; each may be several movers.
+    """G things that move, or may move, in the world; each may be several objects.
 
     Attributes:
         groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
         scores: (G,) logarithm of the odds that they move.
+        are_moving: (G,) whether they are said to move.
         variances: (G, 2) of both along each axis.
         points: (P, 3) metres.
         owners: (P,) int from 0 to G - 1, rising.
@@ -42,6 +43,7 @@ class Sightings:
     groups: NDArray[np.int64]
     states: NDArray[np.float64]
     scores: NDArray[np.float64]
+    are_moving: NDArray[np.bool_]
     variances: NDArray[np.float64]
     points: NDArray[np.float64]
     owners: NDArray[np.int64]
@@ -52,6 +54,7 @@ class Sightings:
         movers: ObjectPoints,
         moving: JudgedMotions,
         scores: NDArray[np.float64],
+        is_moving: NDArray[np.bool_],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Sightings:
@@ -61,6 +64,7 @@ class Sightings:
             movers: K objects that move.
             moving: Their motions.
             scores: (K,) logarithm of the odds that they move.
+            is_moving: (K,) whether they are said to move.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
@@ -83,8 +87,9 @@ class Sightings:
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)
         np.maximum.at(best, groups, scores)
+        are_moving = np.bincount(groups, is_moving, number) > 0
         states = np.stack([centers, velocities], axis=1)
-        return cls(groups, states, best, variances, points, owners)
+        return cls(groups, states, best, are_moving, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)

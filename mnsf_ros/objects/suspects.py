@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from mnsf_ros.objects.target import Targets
 # To suspect an object few points are enough.
 _NUM_POINTS: Final = 16
 # An object that an older sweep explains as well as this without motion is not a suspect.
-MIN_PAST_M: Final = 0.05
+_MIN_PAST_M: Final = 0.05
 # The same for the mean of the neighbouring sweeps, where there are no older ones.
 _MIN_NEAR_M: Final = 0.025
 
@@ -45,7 +45,7 @@ class Suspects:
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
         one sweep does not show may be hidden.
         """
-        some, limit_m = objects.thinner(_NUM_POINTS), MIN_PAST_M if targets.past else _MIN_NEAR_M
+        some, limit_m = objects.thinner(_NUM_POINTS), _MIN_PAST_M if targets.past else _MIN_NEAR_M
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
         # The oldest first: it decides most objects, and few remain for the other sweeps.
@@ -57,6 +57,11 @@ class Suspects:
         standing = judge(own, targets, no_motion[is_suspect])
         return cls(np.flatnonzero(is_suspect), own, standing, expected.only(is_suspect))
 
+    @property
+    def has_past(self) -> bool:
+        """Whether there are older sweeps."""
+        return self.standing.past.shape[1] > 0
+
     def __len__(self) -> int:
         return len(self.rows)
 
@@ -67,6 +72,16 @@ class Suspects:
             ranges = (self.objects.centers**2).sum(axis=1)
             is_first[np.lexsort((ranges, ~self.expected.is_known))[number:]] = False
         return is_first
+
+    def rather_than(self, moving: JudgedMotions, targets: Targets) -> Suspects:
+        """Returns them with what standing explains instead of motions.
+
+        Where an object approaches or goes away it hides its own place in one of the neighbouring
+        sweeps: if it moves, that is no excuse for the other hypothesis.
+        """
+        no_motion = np.zeros_like(moving.motions)
+        standing = judge(self.objects, targets, no_motion, others=moving.motions)
+        return replace(self, standing=standing)
 
     def only(self, wanted: NDArray[np.bool_]) -> Suspects:
         """Returns the objects of the (K,) mask."""

@@ -17,8 +17,10 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# The residual of a point is limited to this.
+# The residual of a point is limited to this,
 TRUNCATION_M: Final = 0.5
+# and that of a point behind what the sweep saw to this: nobody knows what is there.
+_HIDDEN_M: Final = 0.1
 # A point farther off than this is that of something else.
 _NEAR_M: Final = 0.25
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
@@ -100,27 +102,47 @@ class Target:
         is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
 
-    def seen(
+    def free_shares(
         self, objects: ObjectPoints, motions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns (K,) shares of each object's points in free space of the sweep, and hidden in it.
+    ) -> NDArray[np.float64]:
+        """Returns (K,) shares of each object's points that are in free space of the sweep.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
         moved = objects.positions + self.shifts(objects, motions)[objects.owners]
-        free, hidden = (
-            objects.sums(mask.astype(np.int64)) / objects.counts
-            for mask in self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
-        )
-        return free, hidden
+        free, _ = self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
+        return np.asarray(objects.sums(free.astype(np.int64)) / objects.counts, np.float64)
+
+    def limits_m(
+        self,
+        objects: ObjectPoints,
+        flows: NDArray[np.float32],
+        others: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Returns (P,) metres, the largest residuals of points with flows to this sweep.
+
+        Args:
+            objects: Of P points.
+            flows: (P, 3) metres, how far they are moved.
+            others: (P, 3) metres, how far they are otherwise; what an object itself hides then is
+                not hidden.
+        """
+        places = transformed(objects.positions + flows, self.from_current)
+        _, is_hidden = self.sweep.view.free_and_hidden(places)
+        if others is not None:
+            there = transformed(objects.positions + others, self.from_current)
+            ranges = np.sqrt((there**2).sum(axis=1))
+            is_hidden &= np.abs(self.sweep.view.ranges(places) - ranges) > TRUNCATION_M
+        return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(TRUNCATION_M))
 
     def residuals(
         self,
         objects: ObjectPoints,
         motions: NDArray[np.float32],
         most_m: NDArray[np.float64] | None = None,
+        others: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float64]:
         """How far moved objects are from the target, beyond the spacing of its points.
 
@@ -128,17 +150,21 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
             most_m: (K,) metres; residuals above need not be exact.
+            others: (K, 3) metres, motions instead of these, see `limits_m`.
 
         Returns:
-            (K,) metres, mean over each object's points, truncated.
+            (K,) metres, mean over each object's points, truncated, and sooner where hidden.
         """
+        shifts = self.shifts(objects, motions)
+        other_flows = None if others is None else self.shifts(objects, others)[objects.owners]
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
-            self.shifts(objects, motions),
+            shifts,
             self.from_current,
             objects.spacing,
             TRUNCATION_M,
+            self.limits_m(objects, shifts[objects.owners], other_flows),
             None if most_m is None else most_m * objects.counts,
         )
         return np.asarray(sums / objects.counts, np.float64)

@@ -15,8 +15,6 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Standard deviation of the acceleration of people and cars.
 _ACCELERATION_M_S2: Final = 3.0
-# What braked for a second is still known to have moved; what was seen twice is not.
-_MAX_EVIDENCE: Final = 8.0
 # A point is where a track expects one if it is this close.
 _REACH_M: Final = 0.5
 # A track ends if it was not seen to move for this long: it stopped, or is gone.
@@ -27,16 +25,15 @@ _MAX_UNSEEN_SWEEPS: Final = 2.5
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A mover that is followed, at one time, in the world (Kalman filter).
+    """What moves, or may move, followed; at one time, in the world (Kalman filter).
 
     Attributes:
         track_id: Number from 1.
         stamp_ns: Time of state and points.
         begun_ns: When it was first seen to move.
-        seen_ns: When it was last seen to move.
+        seen_ns: When it was last seen.
         num_seen: In how many sweeps it was seen to move.
-        score: Logarithm of the odds that it moves, by the last sweep that showed it.
-        evidence: Sum of the scores since it was first seen to move, at most `_MAX_EVIDENCE`.
+        score: Logarithm of the odds that it moves, by all sweeps that showed it.
         state: (2, 3) place in metres and velocity in metres per second.
         covariance: (2, 2) of place and velocity, the same along each axis.
         points: (P, 3) metres, where it was last seen, moved to where it should be by now.
@@ -48,7 +45,6 @@ class Track:
     seen_ns: int
     num_seen: int
     score: float
-    evidence: float
     state: NDArray[np.float64]
     covariance: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -70,17 +66,19 @@ class Track:
         """A track that begins with a measured state and its variances (2,)."""
         nothing = np.zeros((0, 3))
         return cls(
-            track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, 0.0, state, np.diag(variances), nothing
+            track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, state, np.diag(variances), nothing
         )
 
-    def seen(self, stamp_ns: int, points: NDArray[np.float64], score: float) -> Track:
+    def seen(
+        self, stamp_ns: int, points: NDArray[np.float64], score: float, *, moves: bool
+    ) -> Track:
         """The track after it was seen again, its state already corrected."""
         return replace(
             self,
+            begun_ns=self.begun_ns if self.num_seen else stamp_ns,
             seen_ns=stamp_ns,
-            num_seen=self.num_seen + 1,
+            num_seen=self.num_seen + moves,
             score=score,
-            evidence=min(self.evidence + score, _MAX_EVIDENCE),
             points=points,
         )
 

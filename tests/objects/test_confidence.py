@@ -31,9 +31,7 @@ def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, track_scor
     known = np.full(len(objects), expected is not None)
     motions = rows((0, 0, 0) if expected is None else expected)
     standing = judge(objects, targets, rows((0, 0, 0)))
-    expectation = Expectation(
-        known, motions, np.where(known, track_score, 0.0), np.zeros(len(known))
-    )
+    expectation = Expectation(known, motions, np.where(known, track_score, 0.0))
     movers = Suspects(np.arange(len(objects)), objects, standing, expectation)
     moving = judge(objects, targets, rows(motion))
     return moving_confidence(movers, moving, np.full(len(objects), 6.0), targets)

@@ -35,7 +35,8 @@ def seen(*centers, velocity=(10.0, 0.0, 0.0), residual=0.0, size=(2.0, 1.5, 1.5)
     moving = JudgedMotions(motions, cost, cost[:, :0])
     scores = np.full(number, 3.0)
     objects = objects_at(*centers, size=size)
-    return Sightings.of(objects, moving, scores, np.eye(4), INTERVAL_S)
+    are_moving = np.ones(number, np.bool_)
+    return Sightings.of(objects, moving, scores, are_moving, np.eye(4), INTERVAL_S)
 
 
 class Follower:

@@ -12,6 +12,7 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
+from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet
 
@@ -50,7 +51,9 @@ def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     none = np.zeros(len(objects))
     moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0])
-    return memory.follow(current, objects, moving, none, interval_s)
+    pose = current.pose.world_from_sensor
+    seen = Sightings.of(objects, moving, none, none == 0, pose, interval_s or 0.1)
+    return memory.follow(current, seen, interval_s)
 
 
 class TestExpected:
