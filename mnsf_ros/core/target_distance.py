@@ -5,8 +5,6 @@ Section 2 of the paper, after FNSF. The distance transform is a grid of distance
 looked up everywhere, exact (Euclidean) at the grid nodes up to the rounding of points to nodes.
 """
 
-from __future__ import annotations
-
 import math
 
 import edt
@@ -28,15 +26,13 @@ class TargetDistance:
     """Distance to a target sweep, differentiable in the positions."""
 
     def __init__(
-        self,
-        lookup: DistanceTransform | NearestNeighborDistance,
-        truncation_m: float = 0.0,
+        self, lookup: "DistanceTransform | NearestNeighborDistance", truncation_m: float = 0.0
     ) -> None:
         self._lookup = lookup
         self._truncation_m = truncation_m
 
     @classmethod
-    def to_points(cls, points: torch.Tensor, settings: DistanceSettings) -> TargetDistance:
+    def to_points(cls, points: torch.Tensor, settings: DistanceSettings) -> "TargetDistance":
         """Builds the distance to a sweep as the settings ask.
 
         A grid that would be too large for memory, as one stray point far away makes it, is
@@ -80,8 +76,7 @@ class NearestNeighborDistance:
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
         """(M, 3) metres to (M,) metres; the gradient pulls toward the nearest point."""
         nearest = self._points[self.nearest_indices(positions.detach())]
-        distances: torch.Tensor = torch.linalg.vector_norm(positions - nearest, dim=1)
-        return distances
+        return torch.linalg.vector_norm(positions - nearest, dim=1)
 
     def nearest_indices(self, positions: torch.Tensor) -> torch.Tensor:
         """Row of the nearest target point: (M, 3) metres, without gradient, to (M,)."""

@@ -6,8 +6,6 @@ the object: the flow may turn, stretch and shear with the object. The head of ea
 fitted to a target sweep by Gauss-Newton steps: some milliseconds where a perceptron takes seconds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final
 

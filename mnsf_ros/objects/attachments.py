@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points that belong to a mover but not to its object: fragments, and cut-off bottoms."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The probability that a flow is less than 0.1 m off, fitted to recordings with ground truth."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 
@@ -108,8 +106,7 @@ def _sharpness(
     motions[:, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32).ravel()
     judged = judge(objects.repeated(4), targets, motions)
     least = judged.total.reshape(4, len(objects)).min(axis=0)
-    sharpness: NDArray[np.float64] = np.maximum(least - moving.total, 0.0)
-    return sharpness
+    return np.maximum(least - moving.total, 0.0)
 
 
 def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:
@@ -139,5 +136,4 @@ def _logistic(features: NDArray[np.float64], weights: tuple[float, ...]) -> NDAr
 def _probability(score: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (N,) the logistic function of scores (N,)."""
     bounded = np.clip(score, -_MAX_SCORE, _MAX_SCORE)
-    probability: NDArray[np.float32] = (1 / (1 + np.exp(-bounded))).astype(np.float32, copy=False)
-    return probability
+    return (1 / (1 + np.exp(-bounded))).astype(np.float32, copy=False)

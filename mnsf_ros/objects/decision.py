@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects move: all evidence in one number, and its limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -90,8 +88,7 @@ def moving_scores(features: NDArray[np.float64], *, has_past: bool) -> NDArray[n
         has_past: Whether there are older sweeps.
     """
     weights = np.asarray(_WITH_PAST if has_past else _WITHOUT_PAST)
-    scores: NDArray[np.float64] = (features * weights).sum(axis=1)
-    return scores
+    return (features * weights).sum(axis=1)
 
 
 def free_space(

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """First guesses: motions that may explain an object, where the fits of its motion start."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -60,10 +58,7 @@ def first_guesses(
 
 
 def _voted(
-    objects: ObjectPoints,
-    targets: Sequence[Target],
-    max_change_m: float,
-    base: NDArray[np.float32],
+    objects: ObjectPoints, targets: Sequence[Target], max_change_m: float, base: NDArray[np.float32]
 ) -> list[NDArray[np.float32]]:
     """Returns (K, 3) metres each, shifts to the next sweep with most votes, fitted to a target.
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The forward and the backward field: one translation for each object, fitted to one target."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fusion: the best of forward flow, inverted backward flow and their mean for all sweeps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -47,16 +45,14 @@ class JudgedMotions:
     def total(self) -> NDArray[np.float64]:
         """(K,) metres, the cost and the mean residual in older sweeps."""
         past = self.past.mean(axis=1) if self.past.shape[1] else 0.0
-        total: NDArray[np.float64] = self.cost + past
-        return total
+        return self.cost + past
 
     @cached_property
     def cost(self) -> NDArray[np.float64]:
         """(K,) metres, the mean residual in the next and the previous sweep."""
-        cost: NDArray[np.float64] = self.near.mean(axis=1)
-        return cost
+        return self.near.mean(axis=1)
 
-    def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> JudgedMotions:
+    def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> "JudgedMotions":
         """Returns the objects of the (K,) mask, or of rows."""
         return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
@@ -64,7 +60,7 @@ class JudgedMotions:
         """(K,) metres, the total below which a motion is clearly better, see `better`."""
         return share * self.total - _MIN_BETTER_M
 
-    def better(self, other: JudgedMotions, share: float) -> JudgedMotions:
+    def better(self, other: "JudgedMotions", share: float) -> "JudgedMotions":
         """Returns for each object its own motion, or the other one if that is clearly better.
 
         The other one must leave less than this share of the residual.
@@ -83,8 +79,7 @@ def are_same(
     """Returns (K,) whether motions (K, 3) are as good as others (K, 3), both in metres."""
     apart = np.sqrt(((motions - others) ** 2).sum(axis=1))
     longer = np.sqrt(np.maximum((motions**2).sum(axis=1), (others**2).sum(axis=1)))
-    same: NDArray[np.bool_] = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * longer
-    return same
+    return apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * longer
 
 
 def judge(

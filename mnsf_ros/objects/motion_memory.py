@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Memory from one estimate to the next: the tracks of movers, and what they expect."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -45,7 +43,7 @@ class Expectation:
         tracks: Sequence[Track],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
-    ) -> Expectation:
+    ) -> "Expectation":
         """Returns the predictions of tracks, propagated to the current sweep, for its objects."""
         some = objects.thinner(_POINTS_PER_OBJECT)
         is_known = np.zeros(len(some), dtype=bool)
@@ -70,13 +68,9 @@ class Expectation:
         """Returns (K, 3) metres each, other motions, and the predictions if there are any."""
         return [motions, self.or_else(motions)] if self.is_known.any() else [motions]
 
-    def only(self, wanted: NDArray[np.bool_]) -> Expectation:
+    def only(self, wanted: NDArray[np.bool_]) -> "Expectation":
         """Returns the predictions for the objects of the (K,) mask."""
-        return Expectation(
-            self.is_known[wanted],
-            self.motions[wanted],
-            self.scores[wanted],
-        )
+        return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])
 
 
 class MotionMemory:
@@ -88,7 +82,7 @@ class MotionMemory:
         self._tracks: list[Track] | None = None
         self._next_id = 1
 
-    def with_settings(self, settings: Settings, *, is_same_world: bool) -> MotionMemory:
+    def with_settings(self, settings: Settings, *, is_same_world: bool) -> "MotionMemory":
         """Returns a memory for other settings.
 
         It knows what this one does if objects and the world that they are in stay the same.

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method: from three sweeps to the flow of the middle one, step by step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,21 +9,10 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.objects.decision import (
-    Decision,
-    evidence,
-    free_space,
-    moves,
-    moving_scores,
-)
+from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import (
-    JudgedMotions,
-    best_of,
-    fuse_motions,
-    judge,
-)
+from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
@@ -69,7 +56,7 @@ class ObjectFlowEstimator:
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
 
-    def with_settings(self, settings: Settings) -> ObjectFlowEstimator:
+    def with_settings(self, settings: Settings) -> "ObjectFlowEstimator":
         """An estimator with other settings; it keeps all state that still holds."""
         other = type(self)(settings)
         is_same_world = self._sweeps.are_same_for(settings)

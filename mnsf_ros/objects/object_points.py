@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The points that represent each object, and sums over them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -37,7 +35,7 @@ class ObjectPoints:
     spacing: NDArray[np.float32]
 
     @classmethod
-    def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> ObjectPoints:
+    def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> "ObjectPoints":
         """Chooses points of each object that is neither too small nor too large to move."""
         numbers, chosen, owners = _chosen(
             sweep.thinned,
@@ -59,12 +57,12 @@ class ObjectPoints:
         rows[self.numbers] = np.arange(len(self))
         return rows
 
-    def only(self, wanted: NDArray[np.bool_]) -> ObjectPoints:
+    def only(self, wanted: NDArray[np.bool_]) -> "ObjectPoints":
         """Returns the objects of the (K,) mask."""
         owners = (np.cumsum(wanted) - 1)[self.owners]
         return self._with_points(np.flatnonzero(wanted[self.owners]), self.numbers[wanted], owners)
 
-    def repeated(self, number: int) -> ObjectPoints:
+    def repeated(self, number: int) -> "ObjectPoints":
         """Returns the objects several times, as others: a call costs more than a few objects."""
         owners = np.arange(number)[:, None] * len(self) + self.owners
         return ObjectPoints(
@@ -74,7 +72,7 @@ class ObjectPoints:
             np.tile(self.spacing, number),
         )
 
-    def thinner(self, points_per_object: int) -> ObjectPoints:
+    def thinner(self, points_per_object: int) -> "ObjectPoints":
         """Returns the same objects with fewer points each."""
         step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]
         is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
@@ -82,7 +80,7 @@ class ObjectPoints:
 
     def _with_points(
         self, rows: NDArray[np.int64], numbers: NDArray[np.int64], owners: NDArray[np.int64]
-    ) -> ObjectPoints:
+    ) -> "ObjectPoints":
         """Returns some points of the objects left, by their rows; (P,) owners of all points."""
         # np.take is several times faster than positions[rows].
         positions = np.take(self.positions, rows, axis=0)
@@ -91,22 +89,19 @@ class ObjectPoints:
     @cached_property
     def counts(self) -> NDArray[np.int64]:
         """(K,) the number of points of each object."""
-        counts: NDArray[np.int64] = np.bincount(self.owners, minlength=len(self))
-        return counts
+        return np.bincount(self.owners, minlength=len(self))
 
     @cached_property
     def starts(self) -> NDArray[np.int64]:
         """(K,) the first point of each object."""
         counts = self.counts
-        starts: NDArray[np.int64] = np.cumsum(counts) - counts
-        return starts
+        return np.cumsum(counts) - counts
 
     @cached_property
     def centers(self) -> NDArray[np.float32]:
         """(K, 3) metres, the middle of each object's points."""
         sums: NDArray[np.float32] = self.sums(self.positions)
-        centers: NDArray[np.float32] = np.divide(sums, self.counts[:, None], dtype=np.float32)
-        return centers
+        return np.divide(sums, self.counts[:, None], dtype=np.float32)
 
     @cached_property
     def variances(self) -> tuple[NDArray[np.float64], ...]:
@@ -118,8 +113,7 @@ class ObjectPoints:
     def angles(self) -> NDArray[np.float64]:
         """(K,) radians, the horizontal direction along which each object is longest."""
         xx, yy, xy, _ = self.variances
-        angles: NDArray[np.float64] = np.arctan2(2 * xy, xx - yy) / 2
-        return angles
+        return np.arctan2(2 * xy, xx - yy) / 2
 
     @property
     def extents(self) -> tuple[NDArray[np.float64], ...]:

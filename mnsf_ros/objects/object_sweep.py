@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A prepared sweep: its objects above the ground, and a grid of its points."""
 
-from __future__ import annotations
-
 from copy import copy
 from functools import cached_property
 from typing import Final
@@ -84,7 +82,7 @@ class ObjectSweep:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
         return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
 
-    def with_parts(self, rows: NDArray[np.int64]) -> ObjectSweep:
+    def with_parts(self, rows: NDArray[np.int64]) -> "ObjectSweep":
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:

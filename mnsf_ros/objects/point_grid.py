@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points of a sweep in cells: the nearest point, and distances from moved objects."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The last sweeps with ego motion, crop, ground and objects; each prepared once."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from typing import Final
@@ -84,7 +82,7 @@ class PreparedSweeps:
         self._stretch: Stretch | None = None
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
-    def with_settings(self, settings: Settings) -> PreparedSweeps:
+    def with_settings(self, settings: Settings) -> "PreparedSweeps":
         """Returns the same for other settings, with all that still holds.
 
         The world and the poses in it depend on `ego_motion` only, the rest on all settings

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Range image of a sweep: which places it saw to be free."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Why objects of one estimate were called dynamic or not."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

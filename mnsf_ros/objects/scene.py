@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The three sweeps of one estimate, seen from the middle one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,11 +11,7 @@ from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.attachments import attached
-from mnsf_ros.objects.confidence import (
-    doubtful_confidence,
-    moving_confidence,
-    standing_confidence,
-)
+from mnsf_ros.objects.confidence import doubtful_confidence, moving_confidence, standing_confidence
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -56,7 +50,7 @@ class Scene:
         ready: ReadySweeps,
         memory: MotionMemory,
         settings: ObjectSettings,
-    ) -> Scene:
+    ) -> "Scene":
         """Looks at a triplet whose sweeps are ready."""
         start = memory.enter(triplet.stretch)
         *_, current, _ = ready.of_triplet

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sightings: measurements of one estimate for the tracks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -57,7 +55,7 @@ class Sightings:
         is_moving: NDArray[np.bool_],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
-    ) -> Sightings:
+    ) -> "Sightings":
         """Returns the sightings of K movers, in the world frame.
 
         Args:
@@ -128,5 +126,4 @@ def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)
     graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)
-    groups: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
-    return groups
+    return connected_components(graph, directed=False)[1].astype(np.int64)

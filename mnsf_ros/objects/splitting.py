@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Splitting of long objects: a part in space that was free before is an object of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects may move: those that other sweeps do not support as static."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -39,7 +37,7 @@ class Suspects:
     expected: Expectation
 
     @classmethod
-    def among(cls, objects: ObjectPoints, targets: Targets, expected: Expectation) -> Suspects:
+    def among(cls, objects: ObjectPoints, targets: Targets, expected: Expectation) -> "Suspects":
         """Returns the objects that no older sweep supports as static, and those with a track.
 
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
@@ -73,7 +71,7 @@ class Suspects:
             is_first[np.lexsort((ranges, ~self.expected.is_known))[number:]] = False
         return is_first
 
-    def rather_than(self, moving: JudgedMotions, targets: Targets) -> Suspects:
+    def rather_than(self, moving: JudgedMotions, targets: Targets) -> "Suspects":
         """Returns them with what standing explains instead of motions.
 
         Where an object approaches or goes away it hides its own place in one of the neighbouring
@@ -83,7 +81,7 @@ class Suspects:
         standing = judge(self.objects, targets, no_motion, others=moving.motions)
         return replace(self, standing=standing)
 
-    def only(self, wanted: NDArray[np.bool_]) -> Suspects:
+    def only(self, wanted: NDArray[np.bool_]) -> "Suspects":
         """Returns the objects of the (K,) mask."""
         return Suspects(
             self.rows[wanted],

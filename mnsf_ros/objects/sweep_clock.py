@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Measuring time of each direction of a turning lidar, and the overlap at its seam."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,7 +37,7 @@ class SweepClock:
     revolution_s: float
 
     @classmethod
-    def of(cls, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> SweepClock | None:
+    def of(cls, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> "SweepClock | None":
         """Returns the clock of points (N, 3), metres, with times (N,).
 
         None if nothing turns, and for the merged cloud of several lidars: their sweeps are no
@@ -67,8 +65,7 @@ class SweepClock:
 
     def times_of(self, positions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (P,) seconds from the stamp to when places (P, 3) were measured first."""
-        times: NDArray[np.float64] = self.times_s[_azimuths(positions)]
-        return times
+        return self.times_s[_azimuths(positions)]
 
     def owners_again(
         self,
@@ -98,8 +95,7 @@ def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:
     """Returns (N,) the azimuth of points (N, 3) as a cell from 0 to 719."""
     angles = np.arctan2(xyz[:, 1], xyz[:, 0])
     scaled = (angles + np.float32(np.pi)) * np.float32(_NUM_AZIMUTHS / (2 * np.pi))
-    cells: NDArray[np.int64] = np.minimum(scaled.astype(np.int64), _NUM_AZIMUTHS - 1)
-    return cells
+    return np.minimum(scaled.astype(np.int64), _NUM_AZIMUTHS - 1)
 
 
 def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -107,5 +103,4 @@ def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
     filled = np.flatnonzero(is_filled)
     gaps = np.arange(_NUM_AZIMUTHS)[:, None] - filled
     half = _NUM_AZIMUTHS // 2
-    nearest: NDArray[np.int64] = filled[np.abs((gaps + half) % _NUM_AZIMUTHS - half).argmin(axis=1)]
-    return nearest
+    return filled[np.abs((gaps + half) % _NUM_AZIMUTHS - half).argmin(axis=1)]

@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Target: another sweep in the frame of the current one, to measure moved points against."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -46,7 +44,7 @@ class Target:
     current: ObjectSweep
 
     @classmethod
-    def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> Target:
+    def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> "Target":
         """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor

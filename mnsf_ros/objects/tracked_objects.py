@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tracked objects: box, velocity and age of each mover."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

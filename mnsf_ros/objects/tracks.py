@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tracks: identity, position, velocity and covariance of movers from sweep to sweep."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -52,8 +50,7 @@ class Track:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """(3,) metres per second."""
-        velocity: NDArray[np.float64] = self.state[1]
-        return velocity
+        return self.state[1]
 
     @classmethod
     def begun(
@@ -62,7 +59,7 @@ class Track:
         stamp_ns: int,
         state: NDArray[np.float64],
         variances: NDArray[np.float64],
-    ) -> Track:
+    ) -> "Track":
         """A track that begins with a measured state and its variances (2,)."""
         nothing = np.zeros((0, 3))
         return cls(
@@ -71,7 +68,7 @@ class Track:
 
     def seen(
         self, stamp_ns: int, points: NDArray[np.float64], score: float, *, moves: bool
-    ) -> Track:
+    ) -> "Track":
         """The track after it was seen again, its state already corrected."""
         return replace(
             self,
@@ -130,8 +127,7 @@ def corrected(
 
 def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Products of matrices (K, 2, 2) and (K, 2, M); their order of summing is fixed."""
-    product: NDArray[np.float64] = (left[:, :, :, None] * right[:, None]).sum(axis=2)
-    return product
+    return (left[:, :, :, None] * right[:, None]).sum(axis=2)
 
 
 def alive(tracks: Sequence[Track], stamp_ns: int, interval_s: float) -> list[Track]:
