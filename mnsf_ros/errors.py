@@ -103,6 +103,16 @@ def one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())[:_MAX_LENGTH]}"
 
 
+def is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:
+    """Returns whether an error is of a kind, or came of one that is.
+
+    Libraries make another error of a signal that they meet: compiled loops a SystemError.
+    """
+    while error is not None and not isinstance(error, kind):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 # Library to the extra of setup.py that installs it.
 _EXTRAS: Final = {
     **dict.fromkeys(("cattrs", "jinja2", "matplotlib", "pandas"), "evaluation"),

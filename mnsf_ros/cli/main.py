@@ -17,7 +17,7 @@ from mnsf_ros.cli.arguments import Arguments, Parser
 from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory
 from mnsf_ros.core.compute_device import let_threads_sleep
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import MnsfError, is_caused_by
 
 # Name to summary and module, in the order of the help. The module of a command NAME has `add_NAME`,
 # which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
@@ -86,22 +86,16 @@ def run(arguments: list[str] | None = None) -> int:
             return options.run(options) or 0
     except (Exception, KeyboardInterrupt) as error:
         # A library that a signal meets in its start makes it an error.
-        if _is_caused_by(error, KeyboardInterrupt):
+        if is_caused_by(error, KeyboardInterrupt):
             complain("interrupted")
             return EXIT_INTERRUPTED
-        if _is_caused_by(error, MemoryError):
+        if is_caused_by(error, MemoryError):
             complain(f"{str(error) or 'out of memory'}; {hint}")
             return EXIT_MEMORY
         if not isinstance(error, (MnsfError, OSError)):
             raise
         complain(error)
         return EXIT_USAGE
-
-
-def _is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:
-    while error is not None and not isinstance(error, kind):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:

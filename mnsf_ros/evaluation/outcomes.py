@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
-from mnsf_ros.errors import MnsfError, one_line
+from mnsf_ros.errors import MnsfError, is_caused_by, one_line
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import DROPPED
 from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
@@ -49,13 +49,16 @@ def estimated(stream: Stream, example: Example) -> Outcome:
 def attempted(work: Callable[[], Result]) -> Result | str:
     """The result of work, or in one line why it failed: one bad example must not end a run.
 
-    Methods are other people's code, too, which may even call `sys.exit`.
+    Methods are other people's code, too, which may even call `sys.exit`. An interruption goes
+    through, also as the error that a library made of it.
     """
     try:
         return work()
     except MnsfError as error:
         return str(error)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - see above
+    except (Exception, SystemExit) as error:
+        if is_caused_by(error, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
         _LOG.info("an example failed", exc_info=True)
         return one_line(error)
 

@@ -5,7 +5,7 @@ import pytest
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.outcomes import replayed
+from mnsf_ros.evaluation.outcomes import attempted, replayed
 from mnsf_ros.evaluation.scoring import DROPPED
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
@@ -106,3 +106,12 @@ def test_slow_preparation_lets_two_wait_in_order_and_then_the_newest(played):
     given = {number: latency for number, latency in outcomes if latency is not None}
     assert given == {0: 260, 1: 410, 2: 560, 3: 710, 7: 560}
     assert sorted(number for number, _ in outcomes) == list(range(8))
+
+
+def test_failures_are_told_and_interruptions_go_through():
+    def fail(cause):
+        raise SystemError("a compiled loop has met an exception") from cause
+
+    assert attempted(lambda: fail(None)) == "SystemError: a compiled loop has met an exception"
+    with pytest.raises(KeyboardInterrupt):
+        attempted(lambda: fail(KeyboardInterrupt()))
