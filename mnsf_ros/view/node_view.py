@@ -174,10 +174,11 @@ class NodeView(PageView):
         """Asks the node about the place in the scene that is shown; the answer comes later."""
         if self._asked is None or self._shown is None:
             return
+        self._asked = self._asked.followed(self._shown.objects)
         question = message_class(_QUESTIONS[1])()
         stamp, place = question.header.stamp, question.point
         stamp.sec, stamp.nanosec = divmod(self._shown.stamp_ns, NANOSECONDS)
-        place.x, place.y = map(float, self._asked.place_in(self._shown.objects))
+        place.x, place.y = map(float, self._asked.at)
         self._questions.publish(question)
 
     def _receive_answer(self, message: Any) -> None:  # noqa: ANN401

@@ -3,7 +3,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from queue import Empty
 from typing import Any, Final
 
@@ -50,12 +50,12 @@ class Asked:
                 return cls((x, y), track)
         return None
 
-    def place_in(self, objects: Sequence[TrackedObject]) -> tuple[float, float]:
-        """Returns (x, y) of the object in a sweep, or the place that was clicked."""
+    def followed(self, objects: Sequence[TrackedObject]) -> "Asked":
+        """Returns the same where the object is in a sweep; without it, where it was last."""
         for item in objects:
             if item.track_id == self.track:
-                return float(item.center[0]), float(item.center[1])
-        return self.at
+                return replace(self, at=(float(item.center[0]), float(item.center[1])))
+        return self
 
 
 class PageView(ABC):

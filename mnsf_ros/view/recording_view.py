@@ -222,9 +222,9 @@ class RecordingView(PageView):
         lines: list[str] = []
         if self._asked is not None and self._kept:
             sweep = self._kept[self._place].sweep
-            at = self._asked.place_in(pose_and_objects(sweep)[1])
+            self._asked = self._asked.followed(pose_and_objects(sweep)[1])
             try:
-                rows = rows_at(sweep.example.triplet.current.xyz, sweep.estimate, at)
+                rows = rows_at(sweep.example.triplet.current.xyz, sweep.estimate, self._asked.at)
                 lines = decision(sweep.example, sweep.estimate, rows)
             except EvaluationError as error:
                 lines = [str(error)]

@@ -134,6 +134,24 @@ def test_scenes_of_a_node_while_somebody_watches(address: str) -> None:
         front.until(lambda: front.num_subscriptions() == 0)
 
 
+def test_object_that_is_gone_is_asked_about_where_it_was(address: str) -> None:
+    with RawTopics("node_of_the_test") as ros:
+        front, asked = Front(ros), []
+        ros.subscribe(
+            "/front/explain",
+            "geometry_msgs/msg/PointStamped",
+            lambda message: asked.append((message.header.stamp.sec, message.point.x)),
+        )
+        with closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer:
+            front.until(lambda: front.num_subscriptions() == 3)
+            front.publish(10)
+            viewer.send(json.dumps({"do": "explain", "at": [5, 5], "track": 7}))
+            front.until(lambda: (10, 1.0) in asked)
+            for stamp_s in (11, 12):
+                front.publish(stamp_s, without="objects")
+            front.until(lambda: (11, 1.0) in asked)
+
+
 def test_parameters_of_a_node_by_whomever_they_are_set(address: str) -> None:
     with (
         RawTopics("front") as ros,

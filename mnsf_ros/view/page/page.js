@@ -170,7 +170,7 @@ function describeSelection() {
     "length, width, height": `${item.size.map((value) => value.toFixed(1)).join(" × ")} m`,
     "points": item.points || "hidden: predicted",
   };
-  const title = selected.track ? `Object ${selected.track}` : "Place";
+  const title = selected.track ? `Object ${selected.track}${item ? "" : ", last"}` : "Place";
   showSelection(selected.at ? `${title} at (${at}) m` : "", values ?? {}, selected.lines);
 }
 
