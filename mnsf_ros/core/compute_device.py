@@ -42,10 +42,16 @@ def check_device(settings: ComputeSettings) -> None:
     """Checks that the device is there, if the settings ask for a certain one.
 
     Raises:
-        SettingsError: If CUDA is asked for and torch finds none.
+        SettingsError: If CUDA is asked for and torch finds none, or is not installed.
     """
-    if settings.device == "cuda":
+    if settings.device != "cuda":
+        return
+    try:
         compute_device(settings)
+    except ModuleNotFoundError as error:
+        raise SettingsError(
+            "compute.device: got 'cuda', but PyTorch is not installed; use auto or cpu"
+        ) from error
 
 
 def layer_precision(settings: ComputeSettings) -> "torch.dtype":

@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Device, precision and threads of networks."""
 
+import sys
+
 import pytest
 import torch
 
@@ -32,6 +34,13 @@ def test_cuda_where_there_is_none(ask):
     text = "^compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu$"
     with pytest.raises(SettingsError, match=text):
         ask(settings_with(device="cuda").compute)
+
+
+def test_cuda_without_torch(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    check_device(settings_with(device="auto").compute)
+    with pytest.raises(SettingsError, match="but PyTorch is not installed; use auto or cpu$"):
+        check_device(settings_with(device="cuda").compute)
 
 
 @pytest.mark.parametrize(
