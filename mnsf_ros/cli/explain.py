@@ -18,7 +18,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 _MAX_STAMP_S = 2**32
 _EPILOG = """\
 Example:
-  mnsf explain street --stamp 1716451201.300 --at 12.5,-3
+  mnsf explain street --stamp 1716451202.7 --at 10.7,29 --picture place.png
 
 The report of an evaluation lists the worst missed movers with stamp and place.
 """
@@ -63,5 +63,7 @@ def run_explain(options: argparse.Namespace) -> None:
     lines, picture = explain(recording, evaluation, *place, options.method or "")
     for line in lines:
         console.say(line)
-    if options.picture and picture:
+    if options.picture and not picture:
+        console.warn(f"{options.picture}: not written, there is no object at this place")
+    elif picture and options.picture:
         Path(options.picture).write_bytes(picture)

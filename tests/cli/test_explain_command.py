@@ -61,8 +61,10 @@ def test_mover_and_ground(street, sweep, capsys, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert re.search(r"Truth: \d+% of the points dynamic", text)
     far = truth.ground & (np.hypot(*xyz[:, :2].T) > 6)
-    status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[far][:1]))
+    picture, place = tmp_path / "road.png", at(xyz[far][:1])
+    status, text, _ = explained(capsys, street, seconds(stamp_ns), place, "--picture", picture)
     assert (status, "Called dynamic: 0 of" in text) == (0, True)
+    assert (f"{picture}: not written" in text, picture.exists()) == (True, False)
     assert "Motion found" not in text
     assert "Decided by the stage: no object\n" in text
 
