@@ -59,7 +59,7 @@ demo: export ROS_DOMAIN_ID := $(or $(DOMAIN),$(shell shuf -i 1-101 -n 1))
 demo: $(READY) $(if $(BAG),,$(STREET))
 	@$(BIN)/scene_flow_node --ros-args -r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
-	trap "kill $$node $$play; wait" EXIT; trap exit INT TERM; \
+	trap "kill $$node $$play 2> /dev/null; wait" EXIT; trap exit INT TERM; \
 	$(BIN)/mnsf view
 
 # The same on the page alone, to play, pause and step.

@@ -29,6 +29,7 @@ class Kind:
     """Traffic of one kind: its share, models, speeds, and where it goes.
 
     Of two models the second one follows `behind_m` behind the first one, `beside_m` left of it.
+    Without a `name` it has those of its models.
     """
 
     share: float
@@ -37,6 +38,7 @@ class Kind:
     way: str
     behind_m: float = 0.0
     beside_m: float = 0.0
+    name: str = ""
 
 
 _KINDS: Final = (
@@ -44,7 +46,14 @@ _KINDS: Final = (
     Kind(0.06, (models.van,), (2.0, 18.0), "lane"),
     Kind(0.07, (models.lorry,), (1.0, 16.0), "lane"),
     Kind(0.03, (models.coach,), (2.0, 12.0), "lane"),
-    Kind(0.03, (models.bus_part, models.bus_part), (2.0, 10.0), "lane", behind_m=9.0),
+    Kind(
+        share=0.03,
+        makers=(models.bus_part, models.bus_part),
+        speeds_m_s=(2.0, 10.0),
+        way="lane",
+        behind_m=9.0,
+        name="articulated bus",
+    ),
     Kind(0.03, (models.car, models.trailer), (2.0, 12.0), "lane", behind_m=4.2),
     Kind(0.08, (models.cyclist,), (2.0, 8.0), "edge"),
     Kind(0.06, (models.scooter,), (4.0, 14.0), "edge"),
@@ -132,7 +141,7 @@ class Traffic:
             group = [(maker(rng), trip) for maker, trip in zip(kind.makers, trips, strict=True)]
             rectangles = ((trip, model.length_m, model.width_m) for model, trip in group)
             if self.clearance.accept(*rectangles):
-                name = " with ".join(maker.__name__ for maker in kind.makers)
+                name = kind.name or " with ".join(maker.__name__ for maker in kind.makers)
                 yield name, [Body(model, trip) for model, trip in group]
                 found += 1
                 if found == number:

@@ -93,7 +93,7 @@ def test_worlds_have_every_lidar_place_ego_motion_and_kind_of_traffic():
     lidars = ("16 beams", "32 beams", "64 beams", "128 beams", "solid state", "20 Hz", "rain")
     places = ("; street", "crossing", "country road", "square", "tunnel", "slope")
     egos = ("standing", "on foot", "driving", "fast")
-    kinds = ("car", "van", "lorry", "coach", "bus_part", "trailer", "cyclist", "scooter")
+    kinds = ("car", "van", "lorry", "coach", "articulated bus", "trailer", "cyclist", "scooter")
     for name in (*lidars, *places, *egos, *kinds, "pedestrian", "child", "dog"):
         assert name in text, name
     sensors = [scene.sensor for scene in scenes]
