@@ -241,7 +241,10 @@ def _split(texts: Sequence[str]) -> list[str]:
 def add_report(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf report`."""
     arguments.value("folder", "folder of `mnsf evaluate --out`", Path)
-    arguments.value("--method NAME", "method whose worst sweeps are shown (default: the first that is no reference)")
+    arguments.value(
+        "--method NAME",
+        "method whose worst sweeps are shown (default: the first that is no reference)",
+    )
 
 
 def run_report(options: argparse.Namespace) -> None:
