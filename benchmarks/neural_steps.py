@@ -20,7 +20,8 @@ from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
 from frame import Table, make_parser, publish
 
 from mnsf_ros.evaluation.metrics import by_motion
-from mnsf_ros.methods import encoded_field, make_method, neural_estimator
+from mnsf_ros.methods import make_method, neural_estimator
+from mnsf_ros.objects import encoded_field
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.presets import preset
 

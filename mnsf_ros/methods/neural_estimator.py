@@ -9,29 +9,25 @@ as in the online method; the last heads, as the tracks expect them, are the warm
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import OverGround, StageClock
-from mnsf_ros.methods.encoded_field import EncodedPoints, Heads, encoded, headed
+from mnsf_ros.core.flow_estimate import StageClock
 from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.encoded_field import EncodedPoints, Heads, whole
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
-from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
-from mnsf_ros.objects.tracks import Track
 
 # To compare flows, a third of the points is enough.
 _POINTS_TO_CHOOSE: Final = 16
 # How much residual makes a flow e times less likely.
 _FUSION_M: Final = 0.02
 _PAST_WEIGHT: Final = 0.3
-# A dynamic point bends with a point of a mover in this reach.
-_REACH_M: Final = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +78,7 @@ class NeuralEstimator(ObjectFlowEstimator):
             for some in (objects, objects.thinner(_POINTS_TO_CHOOSE))
         )
         starts = [
-            FieldFlow.of(few, targets, _rigid(each)) for each in suspects.expected.beside(start)
+            FieldFlow.of(few, targets, whole(each)) for each in suspects.expected.beside(start)
         ]
         flows: list[FieldFlow] = []
         for target in all_targets:
@@ -95,28 +91,9 @@ class NeuralEstimator(ObjectFlowEstimator):
             mean = FieldFlow.of(few, targets, (forward.heads + backward.heads) / 2)
             return FieldFlow.of(points, targets, fused([*flows, mean]))
 
-    def over_ground(
-        self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
-    ) -> OverGround:
-        """Spreads the decision over the points of the sweep, as in the online method.
-
-        Points of movers bend with them.
-        """
-        spread = super().over_ground(scene, decision, tracks, ids)
-        movers, moving = decision.fitted.only(decision.is_moving).objects, decision.moving
-        if not isinstance(moving, FieldFlow) or len(movers) == 0:
-            return spread
-        rows = np.flatnonzero(spread.dynamic)
-        xyz = np.take(scene.current.xyz, rows, axis=0)
-        nearest = PointGrid(movers.positions).nearest(xyz, _REACH_M)
-        is_near = nearest >= 0
-        owners = movers.owners[nearest[is_near]]
-        heads = moving.heads[decision.is_moving]
-        heads[:, 0] = 0
-        spread.motion[rows[is_near]] += headed(
-            encoded(xyz[is_near] - movers.centers[owners]), owners, heads
-        )
-        return spread
+    def heads(self, scene: Scene, decision: Decision) -> Heads:
+        """The fitted heads of the movers."""
+        return cast(FieldFlow, decision.moving).heads[decision.is_moving]
 
 
 def fused(flows: Sequence[FieldFlow]) -> Heads:
@@ -136,10 +113,3 @@ def _best(flows: Sequence[FieldFlow]) -> Heads:
     """(K, 3, 3) for each object the heads that leave the least residual, the first if in doubt."""
     best = np.argmin([flow.loss for flow in flows], axis=0)
     return np.stack([flow.heads for flow in flows])[best, np.arange(len(best))]
-
-
-def _rigid(motions: NDArray[np.float32]) -> Heads:
-    """(K, 3, 3) the heads of objects that move by (K, 3) metres as a whole."""
-    heads: Heads = np.zeros((len(motions), 3, 3))
-    heads[:, 0] = motions
-    return heads

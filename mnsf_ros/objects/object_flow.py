@@ -1,15 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method: from three sweeps to the flow of the middle one, step by step."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
+from mnsf_ros.objects.encoded_field import Heads
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
@@ -21,6 +22,7 @@ from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Track
+from mnsf_ros.objects.turning import turning
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
@@ -99,7 +101,8 @@ class ObjectFlowEstimator:
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, decision)
         with clock.stage("output"):
-            over_ground = self.over_ground(scene, decision, tracks, ids)
+            heads = self.heads(scene, decision)
+            over_ground = scene.over_ground(decision, heads, tracks, ids)
             flow = scene.flow(over_ground)
         return FlowEstimate(
             flow=flow,
@@ -175,8 +178,7 @@ class ObjectFlowEstimator:
         with clock.stage("best motion"):
             return fuse_motions(objects, targets, forward, inverted, others)
 
-    def over_ground(
-        self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
-    ) -> OverGround:
-        """Spreads the decision over the points of the sweep; `ids` are the tracks of its movers."""
-        return scene.over_ground(decision, tracks, ids)
+    def heads(self, scene: Scene, decision: Decision) -> Heads:
+        """How the movers move and turn."""
+        movers, is_moving = decision.fitted.objects, decision.is_moving
+        return turning(movers.only(is_moving), decision.moving.motions[is_moving], scene.targets)

@@ -13,6 +13,7 @@ from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.attachments import attached
 from mnsf_ros.objects.confidence import doubtful_confidence, moving_confidence, standing_confidence
 from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.encoded_field import Heads, encoded, headed
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -66,14 +67,19 @@ class Scene:
         return self.interval_s or USUAL_INTERVAL_S
 
     def over_ground(
-        self, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
+        self,
+        decision: Decision,
+        heads: Heads,
+        tracks: Sequence[Track],
+        ids: NDArray[np.int64],
     ) -> OverGround:
         """Spreads the motions of objects over all points of the current sweep.
 
         Args:
-            decision: Which objects move, and how.
+            decision: Which objects move.
+            heads: (K, 3, 3) how those K move and turn.
             tracks: What is followed.
-            ids: (K,) the numbers of the tracks of the K objects that move.
+            ids: (K,) the numbers of their tracks.
         """
         is_moving, doubtful = decision.is_moving, decision.doubtful
         movers, moving = decision.fitted.only(is_moving), decision.moving.only(is_moving)
@@ -100,7 +106,8 @@ class Scene:
         is_dynamic = rows >= 0
         own = np.flatnonzero(is_dynamic)
         rows = rows[own]
-        motion[own], track_ids[own] = moving.motions[rows], ids[rows]
+        offsets = np.take(current.xyz, own, axis=0) - points.centers[rows]
+        motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
         scores = decision.scores[is_moving]
         confidence[own] = moving_confidence(movers, moving, scores, self.targets)[rows]
         pose = self.targets.near[0].sweep.pose

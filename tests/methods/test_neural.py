@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The live method on a street of boxes, one of which drives while the sensor does, too."""
+"""The live methods on a street of boxes, one of which drives while the sensor does, too."""
 
 from dataclasses import replace
 
@@ -43,9 +43,9 @@ def triplet(index, motion=STRAIGHT, stretch=None):
     return made if stretch is None else replace(made, stretch=stretch)
 
 
-def drive(motion, number, first=1):
+def drive(motion, number, first=1, method="neural"):
     """The estimates of a drive, and their sweeps' errors over the car and elsewhere, metres."""
-    estimator, stretch = make_method("neural", SETTINGS), Stretch(Start.COLD_FIRST)
+    estimator, stretch = make_method(method, SETTINGS), Stretch(Start.COLD_FIRST)
     for index in range(first, first + number):
         each = triplet(index, motion, stretch)
         estimate = estimator.estimate(each)
@@ -83,6 +83,15 @@ def test_finds_the_flow_of_a_car_and_goes_on_warm(motion, limit_m):
     assert car.num_points > 0.85 * np.count_nonzero(last.over_ground.dynamic)
     assert car.age_s > 0.25
     assert {"forward", "backward", "fusion"} < last.times_ms.keys()
+
+
+@pytest.mark.parametrize(("motion", "limit_m"), [(STRAIGHT, 0.01), (TURNING, 0.12)])
+def test_online_finds_how_a_car_moves_and_turns(motion, limit_m):
+    estimates, car, _ = zip(*drive(motion, 6, method="online"), strict=True)
+    assert max(car) < limit_m
+    # It turns about the vertical axis, and stays as it is.
+    known = estimates[-1].over_ground
+    assert np.ptp(known.motion[known.dynamic][:, 2]) < 0.02
 
 
 def test_what_is_parked_is_static():

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The flow field g(p; theta) of the live method: a linear head on an encoding of the position.
+"""The flow field g(p; theta) of an object: a linear head on an encoding of the position.
 
 The encoding of a point of an object is a constant, and its horizontal offset from the middle of
 the object: the flow may turn, stretch and shear with the object. The head of each object is
@@ -30,6 +30,13 @@ _HIDDEN_WEIGHT: Final = 0.1
 # (K, 3, 3) metres to the next sweep, of K objects: what the constant and each offset of the
 # encoding add to the flow.
 Heads = NDArray[np.float64]
+
+
+def whole(motions: NDArray[np.float32]) -> Heads:
+    """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres without turning."""
+    heads: Heads = np.zeros((len(motions), 3, 3))
+    heads[:, 0] = motions
+    return heads
 
 
 class EncodedPoints:
