@@ -1,6 +1,6 @@
 # `make demo` shows the node at work, `make test` runs the tests. Each sets up what it needs in
 # .venv, once.
-#   make demo BAG=path/to/recording POINTS=/points
+#   make demo BAG=path/to/recording POINTS=/points VIEW_OPTIONS='--port 8767'
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
@@ -60,7 +60,7 @@ demo: $(READY) $(if $(BAG),,$(STREET))
 	@$(BIN)/scene_flow_node --ros-args -r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
 	trap "kill $$node $$play 2> /dev/null; wait" EXIT; trap exit INT TERM; \
-	$(BIN)/mnsf view
+	$(BIN)/mnsf view $(VIEW_OPTIONS)
 
 # The same on the page alone, to play, pause and step.
 view: $(READY) $(if $(BAG),,$(STREET))
