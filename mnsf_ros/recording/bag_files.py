@@ -99,7 +99,10 @@ def read_metadata(folder: Path) -> tuple[list[Path], Counter[str]]:
         Exception: One of `UNREADABLE`: it cannot be read, or has another content.
     """
     # Without types: a crafted number in base 60 takes a minute.
-    content = YAML(typ="base").load((folder / METADATA_NAME).read_text("utf-8"))[_ROOT]
+    yaml = YAML(typ="base")
+    # An anchor may be used again; the warning of it is several lines.
+    yaml.composer.warn_double_anchors = False
+    content = yaml.load((folder / METADATA_NAME).read_text("utf-8"))[_ROOT]
     counts: Counter[str] = Counter()
     for topic in content["topics_with_message_count"]:
         counts[topic["topic_metadata"]["name"]] += int(topic["message_count"])

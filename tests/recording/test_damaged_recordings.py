@@ -304,6 +304,7 @@ def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
         ("- bag.mcap", "- [5]", "cannot be read: "),
         ("- bag.mcap", "- bag.mcap\n  - ./bag.mcap", ""),
         ("version: 9", "version: 9\n  note: 4 * 5 & 6", ""),
+        ("version: 9", "version: 9\n  one: &name 1\n  two: &name 2", ""),
         ("relative_file_paths", "some_paths", "cannot be read: it has no 'relative_file_paths'"),
         (f"type: {CLOUD_TYPE}", "type: sensor_msgs/msg/Imu", ""),
         ("version: 9", "version: 99", ""),
