@@ -162,14 +162,7 @@ def _samples(
     ones = np.ones(len(standing))
     yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
     samples = _gate_samples(decision, owners, _true_motion(truth, next_)[rows], count)
-    if scene.targets.past:
-        yield "gate with past", samples
-        return
-    yield "gate without past", samples
-    # Most of what has a past has a track, too: what is new counts with what has no past.
-    features = samples.features.copy()
-    features[:, -1] = 0
-    yield "gate with past", replace(samples, features=features)
+    yield f"gate {'with' if scene.targets.past else 'without'} past", samples
 
 
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:

@@ -22,10 +22,11 @@ CARRIED: Final = 0.7
 PER_LOG: Final = -2.0
 # Logistic regressions, one number for each column of `evidence`;
 # `python benchmarks/fit_weights.py` prints the others.
-_WITH_PAST: Final = (-0.91, -0.74, 1.0, 0.9, -0.41, 1.4, CARRIED, 13.9)
+_WITH_PAST: Final = (-1.37, -0.5, 1.0, 0.9, -0.41, 1.4, CARRIED, 13.9)
 _WITHOUT_PAST: Final = (-0.4, -0.9, 1.2, 1.03, -0.25, 2.0, CARRIED, PER_LOG)
-# Below this, residuals are noise.
+# Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
 _NOISE_M: Final = 0.01
+_PAST_NOISE_M: Final = 0.02
 # The longest motion that is slow, to the next sweep.
 _SLOW_M: Final = 0.3
 # By noise alone surfaces are thicker than this.
@@ -120,8 +121,9 @@ def evidence(
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
-    These are: 1; the logarithm of the share of the residual in the neighbouring sweeps that the
-    motion leaves; of the number of points in free space; of the thickness; the height in metres;
+    These are: 1; the logarithm of the share of the residual that the motion leaves in the
+    neighbouring sweeps, plus that of the older ones; the logarithms of the number of points in
+    free space and of the thickness; the height in metres;
     whether a track expected the motion; the odds of its track; what a slow motion explains better
     in older sweeps, in metres. Without these, the last is the logarithm of the metres from one on
     of a motion that no track expected.
@@ -137,14 +139,17 @@ def evidence(
     objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
+    shares = _log_share(moving.cost, standing.cost, _NOISE_M)
     if suspects.has_past:
-        gains = (standing.past - moving.past).mean(axis=1)
+        past, standing_past = moving.past.mean(axis=1), standing.past.mean(axis=1)
+        shares += _log_share(past, standing_past, _PAST_NOISE_M)
+        gains = standing_past - past
         last = gains * np.maximum(1 - lengths / _SLOW_M, 0.0)
     else:
         last = np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0)))
     columns = (
         np.ones(len(suspects)),
-        np.log((moving.cost + _NOISE_M) / (standing.cost + _NOISE_M)),
+        shares,
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0)) * objects.counts),
         np.log(objects.thicknesses + _THIN_M),
         objects.heights,
@@ -153,6 +158,12 @@ def evidence(
         last,
     )
     return np.stack(columns, axis=1).astype(np.float64)
+
+
+def _log_share(
+    part: NDArray[np.float64], whole: NDArray[np.float64], noise_m: float
+) -> NDArray[np.float64]:
+    return np.log((part + noise_m) / (whole + noise_m))
 
 
 def moves(

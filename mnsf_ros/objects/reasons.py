@@ -92,7 +92,7 @@ class Reasons:
             SweepTerms(
                 age_s=_age_s(target),
                 points=_points_around(own, target),
-                static=_match(own, target, no_motion),
+                static=_match(own, target, no_motion, motion),
                 moving=None if motion is None else _match(own, target, motion),
             )
             for target in (*self.scene.targets.near, *self.scene.targets.past)
@@ -111,8 +111,16 @@ def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]
     return np.asarray(points[is_near], np.float32)
 
 
-def _match(objects: ObjectPoints, target: Target, motion: NDArray[np.float32]) -> Match:
-    """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
+def _match(
+    objects: ObjectPoints,
+    target: Target,
+    motion: NDArray[np.float32],
+    other: NDArray[np.float32] | None = None,
+) -> Match:
+    """Compares the only object, moved by (3,) metres to the next sweep, with a target.
+
+    `other`: what it moves by else, see `Target.limits_m`.
+    """
     positions = objects.positions + target.shifts(objects, motion[None])
     places = transformed(positions, target.from_current)
     nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
@@ -124,5 +132,6 @@ def _match(objects: ObjectPoints, target: Target, motion: NDArray[np.float32]) -
         [PointState.HIT, PointState.FREE, PointState.HIDDEN],
         PointState.UNCLEAR,
     )
-    residual_m = float(np.maximum(beyond, 0).mean())
+    others = None if other is None else other[None]
+    residual_m = float(target.residuals(objects, motion[None], others=others)[0])
     return Match(positions, states.astype(np.uint8), residual_m)
