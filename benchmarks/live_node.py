@@ -20,7 +20,7 @@ from drives import INTERVAL_NS
 from std_msgs.msg import Header
 
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.raw_topics import RawTopics
+from mnsf_ros.node.raw_topics import RawTopics, message_class
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.sweeps.sweep import Sweep
@@ -81,8 +81,10 @@ class LiveNode(RawTopics):
         self.arrived_s: dict[int, float] = {}
         self.counts: dict[str, int] = {}
         self.values: dict[str, str] = {}
-        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics, depth=10)
-        self.subscribe(_FLOW_TOPIC, CLOUD_TYPE, self._receive_flow, is_raw=True)
+        self.subscribe("/diagnostics", _STATUSES, self._receive_diagnostics)
+        # Serialized: to read it would cost more than to receive it.
+        kind = message_class(CLOUD_TYPE)
+        self.node.create_subscription(kind, _FLOW_TOPIC, self._receive_flow, 5, raw=True)
         words = [word for parameter in parameters for word in ("-p", parameter)]
         command = [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *_REMAPPED, *words]
         with log.open("wb") as out:
