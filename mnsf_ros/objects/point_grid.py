@@ -64,7 +64,7 @@ class PointGrid:
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
             reach_m: Points farther off do not count, at most `MAX_REACH_M`.
-            limits_m: (P,) metres, the largest distance that counts for a point.
+            limits_m: (P,) metres, the largest distance beyond `within_m` that counts for a point.
             most_m: (K,) metres; from where its sum of distances is above, the other points of an
                 object are left out.
 
@@ -244,7 +244,8 @@ def _compared(
         px = x * to_x[0] + y * to_x[1] + z * to_x[2] + to_x[3]
         py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
         pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
-        nearest, squared = _nearest(px, py, pz, within_m[row], reach_m, starts, points)
+        farthest = min(reach_m, within_m[row] + limits_m[row])
+        nearest, squared = _nearest(px, py, pz, within_m[row], farthest, starts, points)
         beyond = max(np.sqrt(squared) - within_m[row], np.float32(0.0))
         distances[owner] += min(beyond, limits_m[row])
         if nearest >= 0:
