@@ -42,8 +42,8 @@ class Decision:
     """Each step leaves fewer objects: suspects, those searched, those fitted, those that move.
 
     Attributes:
-        suspects: Objects that other sweeps do not support as static.
-        searched: The K of them whose motion was searched: the nearest ones.
+        suspects: Objects that other sweeps do not support as static, and those with a track.
+        searched: The K of them whose motion was searched: with a track, then the nearest ones.
         start: (K, 3) metres to the next sweep, where the fits of their motions started.
         fitted: The F of these that a motion may explain better.
         moving: The motions that were found.

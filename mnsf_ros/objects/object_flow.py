@@ -31,7 +31,8 @@ class ObjectFlowEstimator:
     """Estimates scene flow as ego motion plus one motion for each object that moves.
 
     The structure is that of the paper: a forward field, a backward field, inversion, fusion. The
-    fields are piecewise constant instead of networks, and the sensor's own motion is found first.
+    fields are one motion for each object instead of networks, and the sensor's own motion is found
+    first.
 
     `prepare` and `estimate` share nothing but what the one hands to the other: each may have a
     thread of its own.

@@ -31,7 +31,7 @@ class Sightings:
     Attributes:
         groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
-        scores: (G,) logarithm of the odds that they move.
+        scores: (G,) logarithm of the odds that they move, of their likeliest object.
         are_moving: (G,) whether they are said to move.
         variances: (G, 2) of both along each axis.
         points: (P, 3) metres.

@@ -33,7 +33,7 @@ def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
 
     Args:
         current: The sweep.
-        targets: Sweeps before it, or whatever others there are.
+        targets: Sweeps before it.
     """
     objects, sizes = current.thinned_objects, current.sizes
     rows = np.flatnonzero((sizes >= _SHORT_M)[objects])

@@ -16,7 +16,7 @@ from mnsf_ros.objects.target import Targets
 _NUM_POINTS: Final = 16
 # An object that an older sweep explains as well as this without motion is not a suspect.
 _MIN_PAST_M: Final = 0.05
-# The same for the mean of the neighbouring sweeps, where there are no older ones.
+# The same for a neighbouring sweep, where there are no older ones.
 _MIN_NEAR_M: Final = 0.025
 
 

@@ -15,7 +15,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 _ACCELERATION_M_S2: Final = 3.0
 # A point is where a track expects one if it is this close.
 _REACH_M: Final = 0.5
-# A track ends if it was not seen to move for this long: it stopped, or is gone.
+# A track ends if it was not seen for this long: it stopped, or is gone.
 _MAX_UNSEEN_S: Final = 0.5
 # With a slow sensor, for so many sweeps.
 _MAX_UNSEEN_SWEEPS: Final = 2.5
