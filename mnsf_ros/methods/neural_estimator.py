@@ -4,7 +4,7 @@
 Forward field, backward field, inversion and learned fusion, as in section 3 of the paper, without
 the ego motion. There is one more backward field for each older sweep, as in the paper's method for
 more than three sweeps. Which objects may move, where the fits start and what is called dynamic is
-as in the online method; the last heads, as the tracks expect them, are the warm start.
+as in the online method; the motions that the tracks expect are the warm start.
 """
 
 from collections.abc import Sequence

@@ -2,7 +2,6 @@
 """Which objects move: all evidence in one number, and its limits."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -49,6 +48,7 @@ class Decision:
         moving: The motions that were found.
         free: (F,) see `free_space`.
         evidence: (F, E) features for and against their motions.
+        scores: (F,) logarithm of the odds that they move.
         is_moving: (F,) whether they are said to move.
         may_move: (F,) whether they are followed.
         seen: Those that are followed, together what moves together.
@@ -61,14 +61,10 @@ class Decision:
     moving: JudgedMotions
     free: NDArray[np.float64]
     evidence: NDArray[np.float64]
+    scores: NDArray[np.float64]
     is_moving: NDArray[np.bool_]
     may_move: NDArray[np.bool_]
     seen: Sightings
-
-    @cached_property
-    def scores(self) -> NDArray[np.float64]:
-        """(F,) logarithm of the odds that they move."""
-        return moving_scores(self.evidence, has_past=self.fitted.has_past)
 
     @property
     def num_left_out(self) -> int:
@@ -123,10 +119,9 @@ def evidence(
 
     These are: 1; the logarithm of the share of the residual that the motion leaves in the
     neighbouring sweeps, plus that of the older ones; the logarithms of the number of points in
-    free space and of the thickness; the height in metres;
-    whether a track expected the motion; the odds of its track; what a slow motion explains better
-    in older sweeps, in metres. Without these, the last is the logarithm of the metres from one on
-    of a motion that no track expected.
+    free space and of the thickness; the height in metres; whether a track expected the motion; the
+    odds of its track; what a slow motion explains better in older sweeps, in metres. Without these,
+    the last is the logarithm of the metres from one on of a motion that no track expected.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 

@@ -86,8 +86,7 @@ class EncodedPoints:
         start = steps * start
         begin = flow = self._flow(start)
         places = transformed(objects.positions + begin, target.from_current)
-        _, is_hidden = target.sweep.view.free_and_hidden(places)
-        visible = np.where(is_hidden, _HIDDEN_WEIGHT, 1.0)
+        visible = np.where(target.sweep.view.are_hidden(places), _HIDDEN_WEIGHT, 1.0)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
         for _ in range(_NUM_STEPS):

@@ -24,7 +24,7 @@ from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.objects.turning import turning
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
+from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
 class ObjectFlowEstimator:
@@ -140,12 +140,22 @@ class ObjectFlowEstimator:
                 scores[may_move],
                 is_moving[may_move],
                 scene.current.pose.world_from_sensor,
-                scene.interval_s or USUAL_INTERVAL_S,
+                scene.usual_interval_s,
             )
             # What goes along with a mover is a part of it.
             is_moving[may_move] = seen.are_moving[seen.groups]
         return Decision(
-            suspects, searched, start, fitted, moving, free, features, is_moving, may_move, seen
+            suspects,
+            searched,
+            start,
+            fitted,
+            moving,
+            free,
+            features,
+            scores,
+            is_moving,
+            may_move,
+            seen,
         )
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:

@@ -39,25 +39,38 @@ class RangeView:
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
         self._nearest_around = _nearest_around(self._nearest)
 
-    def free_and_hidden(
-        self, positions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Returns (P,) masks of free and of hidden places (P, 3), metres, sensor frame.
+    def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
 
-        Places behind a surface are hidden. Directions without a return around say nothing.
-
-        Returns:
-            Which are known to be free, and which are hidden.
+        Directions without a return around say nothing.
         """
         cells, ranges = _directions(np.ascontiguousarray(positions))
-        nearest, around = self._nearest[cells], self._nearest_around[cells]
-        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
-        is_free: NDArray[np.bool_] = np.isfinite(around) & (around > ranges + margin)
-        return is_free, nearest + margin < ranges
+        around = self._nearest_around[cells]
+        return np.isfinite(around) & (around > ranges + _margins(ranges))
 
-    def ranges(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (P,) metres of the nearest returns in the directions of places (P, 3)."""
-        return self._nearest[_directions(np.ascontiguousarray(positions))[0]]
+    def are_hidden(
+        self,
+        positions: NDArray[np.float32],
+        own_ranges: NDArray[np.float32] | None = None,
+        own_reach_m: float = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Returns (P,) which places are behind a surface.
+
+        Args:
+            positions: (P, 3) metres, sensor frame.
+            own_ranges: (P,) metres, of surfaces that do not count.
+            own_reach_m: How far from those a return is one of theirs.
+        """
+        cells, ranges = _directions(np.ascontiguousarray(positions))
+        nearest = self._nearest[cells]
+        is_hidden = nearest + _margins(ranges) < ranges
+        if own_ranges is not None:
+            is_hidden &= np.abs(nearest - own_ranges) > own_reach_m
+        return is_hidden
+
+
+def _margins(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
 
 
 @compiled("float32(float32, float32)")

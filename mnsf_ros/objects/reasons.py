@@ -126,9 +126,9 @@ def _match(
     nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)
     beyond = np.where(nearest >= 0, distances, TRUNCATION_M) - objects.spacing
-    is_free, is_hidden = target.sweep.view.free_and_hidden(places)
+    view = target.sweep.view
     states = np.select(
-        [beyond <= 0, is_free, is_hidden],
+        [beyond <= 0, view.are_free(places), view.are_hidden(places)],
         [PointState.HIT, PointState.FREE, PointState.HIDDEN],
         PointState.UNCLEAR,
     )

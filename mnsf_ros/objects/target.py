@@ -95,7 +95,7 @@ class Target:
     def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
         places = transformed(points, self.from_current)
-        is_new, _ = self.sweep.view.free_and_hidden(places)
+        is_new = self.sweep.view.are_free(places)
         free = chosen_points(places, is_new)
         is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
@@ -110,7 +110,7 @@ class Target:
             motions: (K, 3) metres, to the next sweep.
         """
         moved = objects.positions + self.shifts(objects, motions)[objects.owners]
-        free, _ = self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
+        free = self.sweep.view.are_free(transformed(moved, self.from_current))
         return np.asarray(objects.sums(free.astype(np.int64)) / objects.counts, np.float64)
 
     def limits_m(
@@ -128,11 +128,11 @@ class Target:
                 not hidden.
         """
         places = transformed(objects.positions + flows, self.from_current)
-        _, is_hidden = self.sweep.view.free_and_hidden(places)
+        own_ranges = None
         if others is not None:
             there = transformed(objects.positions + others, self.from_current)
-            ranges = np.sqrt((there**2).sum(axis=1))
-            is_hidden &= np.abs(self.sweep.view.ranges(places) - ranges) > TRUNCATION_M
+            own_ranges = np.sqrt((there**2).sum(axis=1))
+        is_hidden = self.sweep.view.are_hidden(places, own_ranges, TRUNCATION_M)
         return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(TRUNCATION_M))
 
     def residuals(

@@ -108,8 +108,7 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
     """Whether something occludes the points (P, 3) where a track is expected."""
     if track.num_seen < _MIN_SEEN or len(points) == 0:
         return False
-    _, is_hidden = current.view.free_and_hidden(points)
-    return bool(is_hidden.mean() > _MIN_HIDDEN)
+    return bool(current.view.are_hidden(points).mean() > _MIN_HIDDEN)
 
 
 def _boxes(
