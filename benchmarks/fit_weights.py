@@ -4,16 +4,16 @@
     python benchmarks/fit_weights.py [--sweeps N] [--seeds A B] [--cache DIR]
 
 Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
-scratch. Prints weights for mnsf_ros/objects/decision.py (the gate, with and without older sweeps;
-there the last weight without them is not fitted) and mnsf_ros/objects/confidence.py, and the loss
-with these and with the current weights. movers.py shows how well the confidence holds on the other
-half and on other worlds.
+scratch. Prints weights for mnsf_ros/objects/decision.py (the gate) and
+mnsf_ros/objects/confidence.py, and the loss with these and with the current weights. A recording
+counts by the root of its samples. movers.py shows how well the confidence holds on the other half
+and on other worlds.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -31,7 +31,7 @@ from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects.confidence import doubtful_features, moving_features, standing_features
-from mnsf_ros.objects.decision import CARRIED, PER_LOG, Decision
+from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.presets import preset
 
@@ -47,11 +47,6 @@ _REAL_COUNT, _HARMFUL_COUNT = 3.0, 0.5
 # Shorter motions to the next sweep are static for the gate, though people may be that slow.
 _MIN_MOTION_M: Final = 0.02
 _MIN_POINTS: Final = 5
-# Weights that are not fitted, by their columns.
-_FIXED: Final = {
-    "gate with past": {6: CARRIED},
-    "gate without past": {6: CARRIED, 7: PER_LOG},
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +92,7 @@ def main() -> None:
     parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 30))
     options = parser.parse_args()
     for name, samples in _joined(range(*options.seeds), options.sweeps, options.cache).items():
-        weights = _fitted(samples, _FIXED.get(name, {}))
+        weights = _fitted(samples)
         losses = (samples.loss(said) for said in (samples.said, _logistic(samples, weights)))
         text = "{:.4f} with the current weights, {:.4f} with these".format(*losses)
         print(f"{name}: ({', '.join(f'{weight:.2f}' for weight in weights)}), loss {text}")
@@ -114,6 +109,7 @@ def _joined(seeds: Iterable[int], num_sweeps: int, cache: Path) -> dict[str, Sam
 
 def _add(found: dict[str, list[Samples]], sweeps: list[TrueSweep], count: float) -> None:
     """Adds the samples of a recording, by the names of their regressions."""
+    own: dict[str, list[Samples]] = defaultdict(list)
     estimator = make_method("online", preset("online"))
     for index in range(1, len(sweeps) - 1):
         triplet = triplet_at(sweeps, index)
@@ -126,14 +122,16 @@ def _add(found: dict[str, list[Samples]], sweeps: list[TrueSweep], count: float)
                 for each in (triplet, replace(triplet, previous=None))
             ]
         for estimate in estimates:
-            for name, samples in _samples(estimate, sweeps[index], sweeps[index + 1], count):
-                found[name].append(samples)
+            for name, samples in _samples(estimate, sweeps[index], sweeps[index + 1]):
+                own[name].append(samples)
+    for name, parts in own.items():
+        joined = Samples.joined(parts)
+        scale = count / np.sqrt(max(joined.counts.sum(), 1.0))
+        found[name].append(replace(joined, counts=scale * joined.counts))
 
 
-def _samples(
-    estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep, count: float
-) -> Iterator[Sample]:
-    """Yields the samples of an estimate; those of the gate have a weight."""
+def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iterator[Sample]:
+    """Yields the samples of an estimate."""
     scene, decision = estimate.reason_of.scene, estimate.reason_of.decision
     rows = np.flatnonzero(truth.scored & estimate.kept)
     owners = scene.current.objects()[rows]
@@ -151,9 +149,9 @@ def _samples(
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     moves, doubtful = decision.is_moving, decision.doubtful
-    movers, scores = decision.fitted.only(moves), decision.scores[moves]
+    movers, scores = decision.fitted.objects.only(moves), decision.scores[moves]
     features = moving_features(movers, decision.moving.only(moves), scores, scene.targets)
-    yield "moving", of_objects(movers.objects, features)
+    yield "moving", of_objects(movers, features)
     yield "doubtful", of_objects(doubtful.objects, doubtful_features(doubtful))
     are_suspects = decision.suspects.objects.rows_of(scene.current.num_objects)[owners] >= 0
     standing = np.flatnonzero(~are_suspects & ~estimate.over_ground.dynamic[rows])
@@ -161,8 +159,7 @@ def _samples(
     features = standing_features(truth.sweep.xyz[rows[standing]])
     ones = np.ones(len(standing))
     yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
-    samples = _gate_samples(decision, owners, _true_motion(truth, next_)[rows], count)
-    yield f"gate {'with' if scene.targets.past else 'without'} past", samples
+    yield "gate", _gate_samples(decision, owners, _true_motion(truth, next_)[rows])
 
 
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
@@ -174,7 +171,7 @@ def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
 
 
 def _gate_samples(
-    decision: Decision, owners: NDArray[np.int64], true_motion: NDArray[np.float64], count: float
+    decision: Decision, owners: NDArray[np.int64], true_motion: NDArray[np.float64]
 ) -> Samples:
     """One sample for each object: whether it moves as it was fitted."""
     features, motions = decision.evidence, decision.moving.motions
@@ -187,34 +184,29 @@ def _gate_samples(
         moves = (np.linalg.norm(own, axis=1) > _MIN_MOTION_M).mean()
         error, length = np.linalg.norm(motions[row] - motion), np.linalg.norm(motion)
         if moves > 0.5 and error < 0.05 + 0.15 * length:
-            shares[row], counts[row] = 1.0, count
+            shares[row], counts[row] = 1.0, 1.0
         elif moves > 0.5 and error > max(0.3, length):
-            counts[row] = _HARMFUL_COUNT * count
+            counts[row] = _HARMFUL_COUNT
         elif moves < 0.1:
-            counts[row] = count
+            counts[row] = 1.0
     kept = counts > 0
     said = 1 / (1 + np.exp(-decision.scores[kept]))
     return Samples(features[kept], shares[kept], counts[kept], said)
 
 
-def _fitted(samples: Samples, fixed: Mapping[int, float]) -> NDArray[np.float64]:
+def _fitted(samples: Samples) -> NDArray[np.float64]:
     """Weights (F,) of a logistic regression with a small penalty; the first one is the constant."""
-    weights = np.zeros(samples.features.shape[1])
-    weights[list(fixed)] = list(fixed.values())
-    known = samples.features @ weights
-    free = np.setdiff1d(np.arange(len(weights)), list(fixed))
-    scale = np.maximum(samples.features[:, free].std(axis=0), 1e-9)
+    scale = np.maximum(samples.features.std(axis=0), 1e-9)
     scale[0] = 1.0
-    features = samples.features[:, free] / scale
+    features = samples.features / scale
 
     def loss(weights: NDArray[np.float64]) -> float:
-        scores = features @ weights + known
+        scores = features @ weights
         losses = np.logaddexp(0, scores) - samples.share * scores
         penalty = 1e-3 * float((weights[1:] ** 2).sum())
         return float(np.average(losses, weights=samples.counts)) + penalty
 
-    weights[free] = minimize(loss, np.zeros(len(scale))).x / scale
-    return weights
+    return np.asarray(minimize(loss, np.zeros(len(scale))).x / scale, np.float64)
 
 
 def _logistic(samples: Samples, weights: NDArray[np.float64]) -> NDArray[np.float64]:

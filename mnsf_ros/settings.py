@@ -208,13 +208,6 @@ class ObjectSettings:
         0.99,
         tuned=(0.1, 0.9),
     )
-    max_unexplained: float = declared(
-        0.85,
-        "Maximum residual of a mover, as a share of that if static. Lower: fewer false positives",
-        0.05,
-        1,
-        tuned=(0.4, 1.0),
-    )
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,6 @@ from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 
-# To compare flows, a third of the points is enough.
-_POINTS_TO_CHOOSE: Final = 16
 # How much residual makes a flow e times less likely.
 _FUSION_M: Final = 0.02
 _PAST_WEIGHT: Final = 0.3
@@ -74,8 +72,7 @@ class NeuralEstimator(ObjectFlowEstimator):
         all_targets = (*targets.near, *targets.past)
         steps = {target: target.steps_of(objects, start) for target in all_targets}
         points, few = (
-            EncodedPoints(some, objects.centers, steps)
-            for some in (objects, objects.thinner(_POINTS_TO_CHOOSE))
+            EncodedPoints(some, objects.centers, steps) for some in (objects, objects.thinner())
         )
         starts = [
             FieldFlow.of(few, targets, whole(each)) for each in suspects.expected.beside(start)

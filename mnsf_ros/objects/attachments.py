@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 from mnsf_ros.sweeps.kept_points import cone_erosion
 
-# Points this close to a mover move with it. The search is limited to cells of this width.
-_REACH_M: Final = 0.5
 # A point this far above the road is not ground. Under a vehicle no road is seen: its height is that
 # of the lowest point within this distance, plus what it may rise on the way (rise over run).
 _MIN_HEIGHT_M: Final = 0.1
@@ -46,7 +44,7 @@ def attached(
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
     candidates, num_loose = _points_near(points, current, owners, is_loose)
-    nearest = PointGrid(points).nearest(np.take(current.xyz, candidates, axis=0), _REACH_M)
+    nearest = PointGrid(points).nearest(np.take(current.xyz, candidates, axis=0))
     is_close = nearest >= 0
     # A fragment moves as a whole, or not at all.
     close = np.bincount(owners[candidates[is_close]], minlength=current.num_objects)
@@ -66,15 +64,15 @@ def _points_near(
 
     Then, (all objects,) how many points loose ones have altogether.
     """
-    margin_m = _REACH_M + _ROAD_REACH_M
+    margin_m = REACH_M + _ROAD_REACH_M
     low = (points[:, :2].min(axis=0) - margin_m).astype(np.float32)
-    shape = ((points[:, :2].max(axis=0) + margin_m - low) / _REACH_M).astype(np.int64) + 2
+    shape = ((points[:, :2].max(axis=0) + margin_m - low) / REACH_M).astype(np.int64) + 2
     xyz = np.ascontiguousarray(current.xyz)
     cells = _cells(xyz, low, *shape)
     lowest = _lowest(xyz, cells, current.kept, shape.prod()).reshape(shape)
-    road = cone_erosion(lowest, round(_ROAD_REACH_M / _REACH_M), _SLOPE * _REACH_M)
+    road = cone_erosion(lowest, round(_ROAD_REACH_M / REACH_M), _SLOPE * REACH_M)
     is_near = np.zeros(shape, np.bool_)
-    columns, rows = ((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T
+    columns, rows = ((points[:, :2] - low) / np.float32(REACH_M)).astype(np.int64).T
     for across in (-1, 0, 1):
         for along in (-1, 0, 1):
             is_near[columns + across, rows + along] = True
@@ -86,7 +84,7 @@ def _cells(
     xyz: NDArray[np.float32], low: NDArray[np.float32], num_columns: int, num_rows: int
 ) -> NDArray[np.int32]:
     """Returns (N,) the cells of points (N, 3) in a grid from `low` on, -1 outside it."""
-    reach = np.float32(_REACH_M)
+    reach = np.float32(REACH_M)
     cells = np.full(len(xyz), -1, np.int32)
     for point in range(len(xyz)):
         column, row = (xyz[point, 0] - low[0]) / reach, (xyz[point, 1] - low[1]) / reach

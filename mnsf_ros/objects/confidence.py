@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The probability that a flow is less than 0.1 m off, fitted to recordings with ground truth."""
 
-import math
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
@@ -15,29 +15,23 @@ from mnsf_ros.objects.target import Targets
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
-# Dynamic objects: constant, per logarithm of the residual, per unit of the score that they move,
-# per logarithm of the thickness, per logarithm of what other motions leave more, per metre of
-# vertical motion, per metre to the motion that its track expected, per logarithm of the length of a
-# motion that no track confirms.
-_MOVING: Final = (-1.94, -1.36, 0.13, 0.20, 0.25, -8.38, -8.14, -2.75)
+# Dynamic objects: constant, per logarithm of the share of the residual that the motion leaves of
+# what motions beside it leave, per unit of the score that they move, per logarithm of the length.
+_MOVING: Final = (-1.04, -0.81, 0.21, -0.97)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (1.31, -10.17, 0.28)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (2.83, -0.25)
-# By noise alone surfaces are thicker than this.
-_THIN_M: Final = 0.05
 # Residuals count from the spacing of the points on; this share of it is noise.
 _NOISE_SHARE: Final = 0.2
 # Motions that differ by this should explain an object worse: along a flat side they do not.
 _BESIDE_M: Final = 0.2
-# What is farther from the motion that a track expected is no more doubtful.
-_MAX_UNEXPECTED_M: Final = 0.5
-# Beyond this the confidence is 0 or 1, and the exponential would overflow.
-_MAX_SCORE: Final = np.float32(80)
+# What is slower is as easily found.
+_SLOW_M: Final = 0.05
 
 
 def moving_confidence(
-    movers: Suspects, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
+    movers: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K dynamic objects.
 
@@ -57,44 +51,36 @@ def doubtful_confidence(doubtful: Suspects) -> NDArray[np.float32]:
 
 def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of static points (N, 3), metres."""
-    return _probability(_standing_scores(np.ascontiguousarray(xyz)))
+    return _standing(np.ascontiguousarray(xyz))
 
 
 @compiled("float32[::1](float32[:, ::1])")
-def _standing_scores(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+def _standing(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Loop of `standing_confidence`."""
     constant, per_metre = np.float32(_STANDING[0]), np.float32(_STANDING[1] / 10)
-    scores = np.empty(len(xyz), np.float32)
+    confidence = np.empty(len(xyz), np.float32)
     # Of a flat array the compiler knows the steps: it looks at several points at once.
     values = xyz.reshape(-1)
     for point in range(len(xyz)):
-        x, y = np.float64(values[3 * point]), np.float64(values[3 * point + 1])
-        scores[point] = constant + per_metre * np.float32(math.sqrt(x * x + y * y))
-    return scores
+        x, y = values[3 * point], values[3 * point + 1]
+        score = constant + per_metre * np.sqrt(x * x + y * y)
+        confidence[point] = np.float32(1.0) / (np.float32(1.0) + np.exp(-score))
+    return confidence
 
 
 def moving_features(
-    movers: Suspects, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
+    movers: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float64]:
-    """Returns (K, 8) the features of K dynamic objects, see `moving_confidence`."""
-    objects, expected = movers.objects, movers.expected
-    noise = _NOISE_SHARE * objects.sums(objects.spacing) / objects.counts
+    """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
+    noise = _NOISE_SHARE * movers.sums(movers.spacing) / movers.counts
+    beside = _beside(movers, moving, targets)
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    unexpected = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
     return _with_constant(
-        np.log(moving.cost + noise),
-        scores,
-        np.log(objects.thicknesses + _THIN_M),
-        np.log(_sharpness(objects, moving, targets) + noise),
-        np.abs(moving.motions[:, 2]),
-        np.where(expected.is_known, np.minimum(unexpected, _MAX_UNEXPECTED_M), 0.0),
-        # The farther it goes, the more places match by chance, until its track was seen to move.
-        np.where(expected.is_known & (expected.scores > 0), 0.0, np.log1p(lengths)),
+        np.log((moving.cost + noise) / (beside + noise)), scores, np.log(lengths + _SLOW_M)
     )
 
 
-def _sharpness(
-    objects: ObjectPoints, moving: JudgedMotions, targets: Targets
-) -> NDArray[np.float64]:
+def _beside(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
     """Returns (K,) metres, how much more the best of some other motions leaves unexplained.
 
     They differ from the motion along the object and across it. Of a flat side that slides along
@@ -130,10 +116,4 @@ def _tens_of_metres(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _logistic(features: NDArray[np.float64], weights: tuple[float, ...]) -> NDArray[np.float32]:
-    return _probability((features * np.asarray(weights)).sum(axis=1).astype(np.float32))
-
-
-def _probability(score: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns (N,) the logistic function of scores (N,)."""
-    bounded = np.clip(score, -_MAX_SCORE, _MAX_SCORE)
-    return (1 / (1 + np.exp(-bounded))).astype(np.float32, copy=False)
+    return np.asarray(expit((features * np.asarray(weights)).sum(axis=1)), np.float32)

@@ -14,20 +14,13 @@ from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
 
-# Not fitted: of the odds so far this share carries over, as what speaks for a motion in one sweep
-# does so in the next; and the number of places where something may match by chance grows with the
-# square of the motion (simulated streets have fewer of them than real ones).
-CARRIED: Final = 0.7
-PER_LOG: Final = -2.0
-# Logistic regressions, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
-# fits them, then balanced between found and false movers on random worlds with seeds below 330.
-_WITH_PAST: Final = (-1.37, -0.5, 1.0, 0.9, -0.41, 1.4, CARRIED, 13.9)
-_WITHOUT_PAST: Final = (-0.4, -0.9, 1.2, 1.03, -0.25, 2.0, CARRIED, PER_LOG)
-# Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
-_NOISE_M: Final = 0.01
-_PAST_NOISE_M: Final = 0.02
-# The longest motion that is slow, to the next sweep.
-_SLOW_M: Final = 0.3
+# Logistic regression, one number for each column of `evidence`, as `benchmarks/fit_weights.py`
+# fits them to random worlds and KITTI.
+_WEIGHTS: Final = (-2.9, 1.1, 1.1, -0.3, 0.6, -3.4, -0.6, -0.85)
+# Odds so far count up to this: something may stop at any time.
+_MAX_ODDS: Final = 5.0
+# Below this, residuals are noise.
+_NOISE_M: Final = 0.015
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.03
 # A shorter motion over ground is noise.
@@ -77,15 +70,9 @@ class Decision:
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
 
 
-def moving_scores(features: NDArray[np.float64], *, has_past: bool) -> NDArray[np.float64]:
-    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move.
-
-    Args:
-        features: See `evidence`.
-        has_past: Whether there are older sweeps.
-    """
-    weights = np.asarray(_WITH_PAST if has_past else _WITHOUT_PAST)
-    return (features * weights).sum(axis=1)
+def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move."""
+    return (features * np.asarray(_WEIGHTS)).sum(axis=1)
 
 
 def free_space(
@@ -117,11 +104,11 @@ def evidence(
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
-    These are: 1; the logarithm of the share of the residual that the motion leaves in the
-    neighbouring sweeps, plus that of the older ones; the logarithms of the number of points in
-    free space and of the thickness; the height in metres; whether a track expected the motion; the
-    odds of its track; what a slow motion explains better in older sweeps, in metres. Without these,
-    the last is the logarithm of the metres from one on of a motion that no track expected.
+    These are: 1; whether there are no older sweeps; the logarithm of the number of points in free
+    space; the height in metres; the odds so far; the logarithm of the metres from one on of a
+    motion that no track expected; and, twice, the logarithm of the share of the residual that the
+    motion leaves in the neighbouring sweeps, plus that of the older ones: times the logarithm of
+    the thickness, and if a track expected the motion.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
@@ -134,36 +121,30 @@ def evidence(
     objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
-    shares = _log_share(moving.cost, standing.cost, _NOISE_M)
+    shares = _log_share(moving.cost, standing.cost)
     if suspects.has_past:
         past, standing_past = moving.past.mean(axis=1), standing.past.mean(axis=1)
-        shares += _log_share(past, standing_past, _PAST_NOISE_M)
-        gains = standing_past - past
-        last = gains * np.maximum(1 - lengths / _SLOW_M, 0.0)
-    else:
-        last = np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0)))
+        shares += _log_share(past, standing_past)
+    thicknesses = np.log1p(objects.thicknesses / _THIN_M)
     columns = (
         np.ones(len(suspects)),
-        shares,
+        np.full(len(suspects), not suspects.has_past),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0)) * objects.counts),
-        np.log(objects.thicknesses + _THIN_M),
         objects.heights,
-        is_same,
-        expected.scores,
-        last,
+        np.clip(expected.scores, 0.0, _MAX_ODDS),
+        np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))),
+        shares * thicknesses,
+        shares * is_same,
     )
     return np.stack(columns, axis=1).astype(np.float64)
 
 
-def _log_share(
-    part: NDArray[np.float64], whole: NDArray[np.float64], noise_m: float
-) -> NDArray[np.float64]:
-    return np.log((part + noise_m) / (whole + noise_m))
+def _log_share(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.log((part + _NOISE_M) / (whole + _NOISE_M))
 
 
 def moves(
-    suspects: Suspects,
-    moving: JudgedMotions,
+    motions: NDArray[np.float32],
     scores: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
@@ -171,18 +152,12 @@ def moves(
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
     Args:
-        suspects: K objects, how well they are explained as static, and what tracks expect of them.
-        moving: How well their motions explain them.
+        motions: (K, 3) metres, to the next sweep.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
-    lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
-    # What was seen to move goes on, also slower: what brakes was not where its motion of now says.
-    has_moved = suspects.expected.scores > 0
-    is_possible = moving.total < settings.max_unexplained * suspects.standing.total
-    is_possible |= has_moved
-    is_possible &= lengths > np.where(has_moved, _MIN_MOTION_M / 2, _MIN_MOTION_M)
-    is_possible &= lengths <= settings.max_speed_m_s * interval_s
+    lengths = np.hypot(motions[:, 0], motions[:, 1])
+    is_possible = (lengths > _MIN_MOTION_M) & (lengths <= settings.max_speed_m_s * interval_s)
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
     return is_possible & (scores > limit - _TENTATIVE), is_possible & (scores > limit)

@@ -15,17 +15,13 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.target import TRUNCATION_M, Target
+from mnsf_ros.objects.target import Target, Targets
 
-# The offset of which the encoding is 1.
-_OFFSET_M: Final = 2.0
 # Prior weights of the constant and of the offsets, in points: objects move nearly as a whole.
-_PRIOR: Final = np.diag((1e-3, 2.0, 2.0))
+_PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
 _NUM_STEPS: Final = 4
 # A point this far from the target, plus twice its spacing, has half of its weight.
 _HALF_WEIGHT_M: Final = 0.1
-# The weight of a point that would be behind something.
-_HIDDEN_WEIGHT: Final = 0.1
 
 # (K, 3, 3) metres to the next sweep, of K objects: what the constant and each offset of the
 # encoding add to the flow.
@@ -86,12 +82,12 @@ class EncodedPoints:
         start = steps * start
         begin = flow = self._flow(start)
         places = transformed(objects.positions + begin, target.from_current)
-        visible = np.where(target.sweep.view.are_hidden(places), _HIDDEN_WEIGHT, 1.0)
+        is_hidden = target.sweep.view.are_hidden(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
         for _ in range(_NUM_STEPS):
             distances, vectors, counts = self._compared(target, flow, exactly)
-            weights = np.where(counts > 0, visible / (1 + (distances / half_m) ** 2), 0.0)
+            weights = (counts > 0) * ~is_hidden / (1 + (distances / half_m) ** 2)
             wanted = turned(vectors, target.from_current[:3, :3].T) + flow - begin
             left, right = _normal_equations(
                 self._encoding, objects.owners, weights, wanted, len(objects)
@@ -114,14 +110,14 @@ class EncodedPoints:
         """As `PointGrid.compared`, each point by itself, after motions (P, 3) until the target."""
         positions, transform = self.objects.positions, target.from_current
         return target.sweep.grid.compared(
-            positions, self._each, moved, transform, within_m, TRUNCATION_M, limits_m
+            positions, self._each, moved, transform, within_m, limits_m
         )
 
 
 def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
     """Returns (P, 3) the encodings of points at offsets (P, 3) from their middle, metres."""
     encoding = np.ones((len(offsets), 3))
-    encoding[:, 1:] = offsets[:, :2] / _OFFSET_M
+    encoding[:, 1:] = offsets[:, :2]
     return encoding
 
 
@@ -168,3 +164,29 @@ def _normal_equations(
                 left[owner, feature, column] += weighted * encoding[row, column]
                 right[owner, feature, column] += weighted * wanted[row, column]
     return left, right
+
+
+def turning(movers: ObjectPoints, motions: NDArray[np.float32], targets: Targets) -> Heads:
+    """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
+
+    They are fitted to the neighbouring sweeps, as flow fields; of the means of both a stiff object
+    leaves the motion on the ground and the turn. The motion stays if that explains no more.
+
+    Args:
+        movers: K objects.
+        motions: (K, 3) metres, their motions to the next sweep.
+        targets: The other sweeps.
+    """
+    steps = {target: target.steps_of(movers, motions) for target in targets.near}
+    points = EncodedPoints(movers, movers.centers, steps)
+    straight = whole(motions)
+    bent = np.mean([points.fitted(target, straight) for target in targets.near], axis=0)
+    stiff = straight.copy()
+    stiff[:, 0, :2] = bent[:, 0, :2]
+    turns = (bent[:, 1, 1] - bent[:, 2, 0]) / 2
+    stiff[:, 1, 1], stiff[:, 2, 0] = turns, -turns
+    before, after = (
+        np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
+        for heads in (straight, stiff)
+    )
+    return np.where((after < before)[:, None, None], stiff, straight)

@@ -17,22 +17,14 @@ from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target, Targets
 from mnsf_ros.settings import ObjectSettings
 
-# A rough guess needs few points.
-_NUM_POINTS: Final = 12
-# Shifts with most votes that are fitted, and steps of each fit.
-_NUM_VOTED: Final = 2
-_NUM_ITERATIONS: Final = 2
-# In older sweeps, motions that differ from the best in the neighbouring ones by less are tried.
-_MAX_CHANGE_M_S: Final = 12.0
-
 
 def first_guesses(
     suspects: Suspects, targets: Targets, interval_s: float, settings: ObjectSettings
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
 
-    The shifts with most votes of the neighbouring sweeps and what tracks expect are compared, then
-    those of the older sweeps around the best of them: for slow objects, and for long ones whose
+    The shift with most votes of the neighbouring sweeps and what a track expects are compared, then
+    that of the older sweeps around the best of them: for slow objects, and for long ones whose
     sides look alike.
 
     Args:
@@ -44,23 +36,27 @@ def first_guesses(
     if len(suspects) == 0:
         return suspects.standing.motions, np.zeros(0, dtype=bool)
     expected = suspects.expected
-    some = suspects.objects.thinner(_NUM_POINTS)
+    some = suspects.objects.thinner()
     standing = best = judge(some, targets, suspects.standing.motions)
-    voted = _voted(some, targets.near, settings.max_speed_m_s * interval_s, best.motions)
-    best = best_of(some, targets, best, voted)
-    if expected.is_known.any():
-        best = best_of(some, targets, best, [expected.or_else(best.motions)])
+    reach_m = settings.max_speed_m_s * interval_s
+    num_iterations = settings.max_iterations
+    voted = _voted(some, targets.near, reach_m, best.motions, num_iterations)
+    best = best_of(some, targets, best, expected.beside(voted))
     if targets.past:
-        voted = _voted(some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions)
-        best = best_of(some, targets, best, voted)
+        voted = _voted(some, targets.past, reach_m, best.motions, num_iterations)
+        best = best_of(some, targets, best, [voted])
     is_worth = expected.is_known | (best.total < standing.total) | (not targets.past)
     return best.motions, is_worth
 
 
 def _voted(
-    objects: ObjectPoints, targets: Sequence[Target], max_change_m: float, base: NDArray[np.float32]
-) -> list[NDArray[np.float32]]:
-    """Returns (K, 3) metres each, shifts to the next sweep with most votes, fitted to a target.
+    objects: ObjectPoints,
+    targets: Sequence[Target],
+    max_change_m: float,
+    base: NDArray[np.float32],
+    num_iterations: int,
+) -> NDArray[np.float32]:
+    """Returns (K, 3) metres, the shifts to the next sweep with most votes, fitted to a target.
 
     A shift gets a vote for each point that meets an occupied cell of a target.
 
@@ -69,6 +65,7 @@ def _voted(
         targets: Other sweeps.
         max_change_m: Longest shift tried.
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
+        num_iterations: Of each fit.
     """
     # In steps to the first target, so that the grid is fine enough over a longer time.
     unit = np.float32(targets[0].steps)
@@ -93,30 +90,21 @@ def _voted(
         objects.counts,
         np.stack(steps),
         grid.occupied(targets),
-        shifts,
-        _NUM_VOTED,
     )
-    voted = np.tile(base, (_NUM_VOTED, 1, 1))
-    voted[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
-    copies = objects.repeated(_NUM_VOTED)
-    fitted = fit_motion_field(copies, targets[0], voted.reshape(-1, 3), _NUM_ITERATIONS)
-    return list((fitted / unit).reshape(voted.shape))
+    voted = base.copy()
+    voted[:, :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
+    return fit_motion_field(objects, targets[0], voted, num_iterations) / unit
 
 
-@compiled(
-    "int64[:, ::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1],"
-    " int64[:, ::1], int64)"
-)
+@compiled("int64[::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1])")
 def _most_voted(
     columns: NDArray[np.int64],
     levels: NDArray[np.int64],
     counts: NDArray[np.int64],
     steps: NDArray[np.int64],
     occupied: NDArray[np.uint16],
-    shifts: NDArray[np.int64],
-    number: int,
 ) -> NDArray[np.int64]:
-    """Returns (number, K) the rows of the shifts that most of each object's points agree on.
+    """Returns (K,) the row of the shift that most of each object's points agree on.
 
     Args:
         columns: (T, P) columns of the points, as they are compared with each target.
@@ -124,29 +112,20 @@ def _most_voted(
         counts: (K,) number of points of each object.
         steps: (T, S) what shifts add to a column.
         occupied: (T, C) bits of the levels that each target occupies.
-        shifts: (S, 2) in cells.
-        number: How many shifts are wanted; none is a neighbour of an earlier one.
     """
-    chosen = np.zeros((number, len(counts)), np.int64)
+    chosen, num_shifts = np.zeros(len(counts), np.int64), steps.shape[1]
     first = 0
     for owner in range(len(counts)):
-        hits = np.zeros(len(shifts), np.float32)
+        hits = np.zeros(num_shifts, np.int32)
         for target in range(len(columns)):
             for row in range(first, first + counts[owner]):
                 level = levels[target, row]
-                for shift in range(len(shifts)):
+                for shift in range(num_shifts):
                     column = columns[target, row] + steps[target, shift]
                     if 0 <= column < occupied.shape[1] and occupied[target, column] & level:
                         hits[shift] += 1
         first += counts[owner]
-        for rank in range(number):
-            best = hits.argmax()
-            chosen[rank, owner] = best
-            for shift in range(len(shifts)):
-                across = abs(shifts[shift, 0] - shifts[best, 0])
-                along = abs(shifts[shift, 1] - shifts[best, 1])
-                if across <= 1 and along <= 1:
-                    hits[shift] = -np.inf
+        chosen[owner] = hits.argmax()
     return chosen
 
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
-# Search radius around a point: the possible error of a vote.
-_REACH_M: Final = 0.4
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
 # Nothing climbs more steeply, by the road and by how the sensor is mounted. Where a part of an
@@ -35,7 +33,7 @@ def fit_motion_field(
     num_steps = target.steps_of(objects, start)
     flows = num_steps * start
     for _ in range(num_iterations):
-        pulls = target.pulls(objects, flows, _REACH_M)
+        pulls = target.pulls(objects, flows)
         flows = flows + (_STEP * pulls).astype(np.float32)
         climbs = _STEEPEST * np.hypot(flows[:, 0], flows[:, 1])
         flows[:, 2] = np.clip(flows[:, 2], -climbs, climbs)

@@ -12,15 +12,11 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
-# A candidate must be better by this much to replace an earlier one: noise must not decide.
-_MIN_BETTER_M: Final = 0.0025
-# So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
-# evenly.
+# A motion that was not fitted to the neighbouring sweeps must explain clearly more: over a longer
+# time nothing moves evenly.
 _MAX_SHARE: Final = 0.8
 # Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
 _LEVEL_M: Final = 0.05
-# To choose among candidates, a third of the points is enough.
-_POINTS_TO_CHOOSE: Final = 16
 # Motions are the same if they differ by less than this plus this share of the longer one.
 _SAME_MOTION_M: Final = 0.05
 _SAME_MOTION_SHARE: Final = 0.2
@@ -56,16 +52,12 @@ class JudgedMotions:
         """Returns the objects of the (K,) mask, or of rows."""
         return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
-    def limit(self, share: float) -> NDArray[np.float64]:
-        """(K,) metres, the total below which a motion is clearly better, see `better`."""
-        return share * self.total - _MIN_BETTER_M
-
-    def better(self, other: "JudgedMotions", share: float) -> "JudgedMotions":
-        """Returns for each object its own motion, or the other one if that is clearly better.
+    def better(self, other: "JudgedMotions", share: float = 1.0) -> "JudgedMotions":
+        """Returns for each object its own motion, or the other one if that explains more.
 
         The other one must leave less than this share of the residual.
         """
-        wins = other.total < self.limit(share)
+        wins = other.total < share * self.total
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -115,7 +107,6 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
-    share: float = 1.0,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -124,16 +115,15 @@ def best_of(
         targets: What motions are measured on.
         first: Motions that were judged.
         others: (K, 3) metres each, further candidates.
-        share: They must leave less than this share of the residual.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.limit(share), len(others)))
+    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.total, len(others)))
     judged = judge(objects.repeated(len(others)), targets, np.concatenate(others), most_m=most_m)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.only(rows), share)
+        first = first.better(judged.only(rows))
     return first
 
 
@@ -155,9 +145,9 @@ def fuse_motions(
     """
     forward, inverted = _levelled(forward), _levelled(inverted)
     mean = np.float32(0.5) * (forward + inverted)
-    some = objects.thinner(_POINTS_TO_CHOOSE)
+    some = objects.thinner()
     fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
-    best = best_of(some, targets, fitted, others, _MAX_SHARE)
+    best = fitted.better(best_of(some, targets, fitted, others), _MAX_SHARE)
     return judge(objects, targets, best.motions)
 
 

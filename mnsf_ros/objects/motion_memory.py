@@ -3,23 +3,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.following import follow
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.tracks import Track, alive, expecting_shares
+from mnsf_ros.objects.tracks import MIN_SHARE, Track, alive, expecting_shares, follow
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Stretch
-
-# An object is that of a track if more than this share of its points is where that is expected.
-_MIN_SHARE: Final = 0.3
-_POINTS_PER_OBJECT: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +39,7 @@ class Expectation:
         interval_s: float,
     ) -> "Expectation":
         """Returns the predictions of tracks, propagated to the current sweep, for its objects."""
-        some = objects.thinner(_POINTS_PER_OBJECT)
+        some = objects.thinner()
         is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
         scores = np.zeros(len(some))
@@ -53,7 +47,7 @@ class Expectation:
             world = transformed(some.positions, world_from_sensor).astype(np.float64)
             shares = expecting_shares(tracks, world, some.owners, len(some))
             rows = shares.argmax(axis=1)
-            is_known = np.greater(shares.max(axis=1), _MIN_SHARE)
+            is_known = np.greater(shares.max(axis=1), MIN_SHARE)
             velocities = np.stack([track.velocity for track in tracks])
             velocities = turned(velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s

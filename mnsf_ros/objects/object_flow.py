@@ -10,7 +10,7 @@ from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
-from mnsf_ros.objects.encoded_field import Heads
+from mnsf_ros.objects.encoded_field import Heads, turning
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
@@ -22,7 +22,6 @@ from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Track
-from mnsf_ros.objects.turning import turning
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -132,11 +131,11 @@ class ObjectFlowEstimator:
             free = free_space(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
             features = evidence(fitted, moving, free, are_parts)
-            scores = moving_scores(features, has_past=fitted.has_past)
-            may_move, is_moving = moves(fitted, moving, scores, scene.usual_interval_s, settings)
+            scores = moving_scores(features)
+            may_move, is_moving = moves(moving.motions, scores, scene.usual_interval_s, settings)
             seen = Sightings.of(
                 fitted.objects.only(may_move),
-                moving.only(may_move),
+                moving.motions[may_move],
                 scores[may_move],
                 is_moving[may_move],
                 scene.current.pose.world_from_sensor,

@@ -16,6 +16,8 @@ from mnsf_ros.settings import ObjectSettings
 # thinning near by, the spacing of the beams far off.
 _SPACING_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
+# To compare motions roughly, so many points of an object are enough.
+_FEW: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +74,9 @@ class ObjectPoints:
             np.tile(self.spacing, number),
         )
 
-    def thinner(self, points_per_object: int) -> "ObjectPoints":
-        """Returns the same objects with fewer points each."""
-        step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]
+    def thinner(self) -> "ObjectPoints":
+        """Returns the same objects with few points each."""
+        step = np.maximum(1, -(-self.counts // _FEW))[self.owners]
         is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
         return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
 

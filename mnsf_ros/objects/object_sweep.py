@@ -22,7 +22,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS: Final = 10
 # Points in touching cells of this size are one part of an object.
-_PART_CELL_M: Final = 0.25
+PART_CELL_M: Final = 0.25
 
 
 class ObjectSweep:
@@ -92,7 +92,7 @@ class ObjectSweep:
         if len(rows) == 0:
             return other
         chosen = np.take(self.thinned, rows, axis=0)
-        parts = Segmentation(chosen, _PART_CELL_M)
+        parts = Segmentation(chosen, PART_CELL_M)
         low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
         is_split = np.zeros(self.num_objects, np.bool_)
         is_split[self.thinned_objects[rows]] = True

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Longest search radius, one cell: the nearest point is in a cell that touches that of the place.
-MAX_REACH_M: Final = 0.625
-_CELL_M: Final = np.float32(MAX_REACH_M)
+# Points that are farther apart than this belong to different things. No search goes farther: with
+# cells of this size the nearest point is in a cell that touches that of the place.
+REACH_M: Final = 0.5
+_CELL_M: Final = np.float32(REACH_M)
 # Cells share buckets; what is in another cell of the same bucket is too far off to count.
 _MIN_BUCKETS: Final = 2**10
 _MAX_BUCKETS: Final = 2**17
@@ -34,12 +35,12 @@ class PointGrid:
         own = np.ascontiguousarray(points, np.float32)
         self.starts, self.points, self._rows = _in_buckets(own)
 
-    def nearest(self, places: NDArray[np.floating], reach_m: float) -> NDArray[np.int64]:
+    def nearest(self, places: NDArray[np.floating], reach_m: float = REACH_M) -> NDArray[np.int64]:
         """Returns (P,) the row of the point nearest to each place, -1 where none is in reach.
 
         Args:
             places: (P, 3) metres.
-            reach_m: At most `MAX_REACH_M`.
+            reach_m: At most `REACH_M`.
         """
         own = np.ascontiguousarray(places, np.float32)
         return _rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
@@ -51,7 +52,6 @@ class PointGrid:
         motions: NDArray[np.float32],
         transform: NDArray[np.float64],
         within_m: NDArray[np.float32],
-        reach_m: float,
         limits_m: NDArray[np.float32] | None = None,
         most_m: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
@@ -63,13 +63,12 @@ class PointGrid:
             motions: (K, 3) metres, added to the positions.
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
-            reach_m: Points farther off do not count, at most `MAX_REACH_M`.
             limits_m: (P,) metres, the largest distance beyond `within_m` that counts for a point.
             most_m: (K,) metres; from where its sum of distances is above, the other points of an
                 object are left out.
 
         Returns:
-            Sums over each object's points: (K,) distances beyond `within_m`, at most `reach_m`;
+            Sums over each object's points: (K,) distances beyond `within_m`, at most `REACH_M`;
             (K, 3) vectors to points of the grid in reach, in its frame; (K,) how many have one.
         """
         return _compared(
@@ -78,8 +77,7 @@ class PointGrid:
             np.ascontiguousarray(motions, np.float32),
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
-            np.float32(reach_m),
-            np.full(len(positions), np.float32(reach_m)) if limits_m is None else limits_m,
+            np.full(len(positions), _CELL_M) if limits_m is None else limits_m,
             np.full(len(motions), np.inf) if most_m is None else most_m,
             self.starts,
             self.points,
@@ -214,7 +212,7 @@ def _rows_of_nearest(
 
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], int64[::1]))"
-    "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32,"
+    "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1],"
     " float32[::1], float64[::1], int32[::1], float32[:, ::1])"
 )
 def _compared(
@@ -223,7 +221,6 @@ def _compared(
     motions: NDArray[np.float32],
     transform: NDArray[np.float32],
     within_m: NDArray[np.float32],
-    reach_m: np.float32,
     limits_m: NDArray[np.float32],
     most_m: NDArray[np.float64],
     starts: NDArray[np.int32],
@@ -244,7 +241,7 @@ def _compared(
         px = x * to_x[0] + y * to_x[1] + z * to_x[2] + to_x[3]
         py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
         pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
-        farthest = min(reach_m, within_m[row] + limits_m[row])
+        farthest = min(_CELL_M, within_m[row] + limits_m[row])
         nearest, squared = _nearest(px, py, pz, within_m[row], farthest, starts, points)
         beyond = max(np.sqrt(squared) - within_m[row], np.float32(0.0))
         distances[owner] += min(beyond, limits_m[row])

@@ -11,8 +11,9 @@ from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, V
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.point_grid import REACH_M
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.target import TRUNCATION_M, Target
+from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -123,9 +124,9 @@ def _match(
     """
     positions = objects.positions + target.shifts(objects, motion[None])
     places = transformed(positions, target.from_current)
-    nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
+    nearest = target.sweep.grid.nearest(places)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)
-    beyond = np.where(nearest >= 0, distances, TRUNCATION_M) - objects.spacing
+    beyond = np.where(nearest >= 0, distances, REACH_M) - objects.spacing
     view = target.sweep.view
     states = np.select(
         [beyond <= 0, view.are_free(places), view.are_hidden(places)],

@@ -82,17 +82,16 @@ class Scene:
             ids: (K,) the numbers of their tracks.
         """
         is_moving, doubtful = decision.is_moving, decision.doubtful
-        movers, moving = decision.fitted.only(is_moving), decision.moving.only(is_moving)
+        movers, moving = decision.fitted.objects.only(is_moving), decision.moving.only(is_moving)
         current = self.current
         owners = current.objects()
-        points = movers.objects
-        rows = points.rows_of(current.num_objects)[owners]
-        beside, their_rows = attached(current, owners, points, self._are_loose(doubtful.objects))
+        rows = movers.rows_of(current.num_objects)[owners]
+        beside, their_rows = attached(current, owners, movers, self._are_loose(doubtful.objects))
         rows[beside] = their_rows
         if current.clock is not None:
-            velocities = moving.motions[points.owners] / np.float32(self.usual_interval_s)
+            velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
             again, their_rows = current.clock.owners_again(
-                current.xyz, points.positions, velocities, points.owners
+                current.xyz, movers.positions, velocities, movers.owners
             )
             is_free = rows[again] < 0
             rows[again[is_free]] = their_rows[is_free]
@@ -106,7 +105,7 @@ class Scene:
         is_dynamic = rows >= 0
         own = np.flatnonzero(is_dynamic)
         rows = rows[own]
-        offsets = np.take(current.xyz, own, axis=0) - points.centers[rows]
+        offsets = np.take(current.xyz, own, axis=0) - movers.centers[rows]
         motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
         scores = decision.scores[is_moving]
         confidence[own] = moving_confidence(movers, moving, scores, self.targets)[rows]

@@ -11,12 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
+from mnsf_ros.objects.motion_fusion import are_same
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.point_grid import REACH_M
 
-# Standard deviation of a motion, and what its residual adds to it.
-_MOTION_M: Final = 0.02
-_PER_RESIDUAL: Final = 0.5
+# Standard deviation of a motion.
+_MOTION_M: Final = 0.03
 # Of the middle of the visible points: of a person, and by how much of its length that of a vehicle
 # shifts when another side comes into view.
 _PLACE_M: Final = 0.05
@@ -50,7 +50,7 @@ class Sightings:
     def of(
         cls,
         movers: ObjectPoints,
-        moving: JudgedMotions,
+        motions: NDArray[np.float32],
         scores: NDArray[np.float64],
         is_moving: NDArray[np.bool_],
         world_from_sensor: NDArray[np.float64],
@@ -60,13 +60,13 @@ class Sightings:
 
         Args:
             movers: K objects that move.
-            moving: Their motions.
+            motions: (K, 3) metres, their motions to the next sweep.
             scores: (K,) logarithm of the odds that they move.
             is_moving: (K,) whether they are said to move.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
-        groups = mover_groups(movers, moving.motions)
+        groups = mover_groups(movers, motions)
         number = int(groups.max(initial=-1)) + 1
         order = np.argsort(groups[movers.owners], kind="stable")
         points = transformed(movers.positions, world_from_sensor)[order].astype(np.float64)
@@ -74,14 +74,13 @@ class Sightings:
         counts = movers.counts.astype(np.float64)
         weights = np.bincount(groups, counts, number)[:, None]
         centers = _sums(points, owners, number) / weights
-        motions = _sums(moving.motions * counts[:, None], groups, number) / weights
-        velocities = turned(motions, world_from_sensor[:3, :3]) / interval_s
-        errors = _MOTION_M + _PER_RESIDUAL * moving.cost
-        velocity_errors = np.bincount(groups, errors * counts, number) / weights[:, 0] / interval_s
+        means = _sums(motions * counts[:, None], groups, number) / weights
+        velocities = turned(means, world_from_sensor[:3, :3]) / interval_s
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         # Of points spread evenly over a length, the standard deviation is its 0.29th part.
         lengths = spread.max(axis=1, initial=0.0) / 0.29
         place_errors = _PLACE_M + _PLACE_SHARE * np.maximum(lengths - _SMALL_M, 0.0)
+        velocity_errors = np.full(number, _MOTION_M / interval_s)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)
         np.maximum.at(best, groups, scores)
@@ -107,10 +106,6 @@ def _sums(
     return np.stack(columns, axis=1)
 
 
-# Movers this close to each other are one if their motions are the same.
-_REACH_M: Final = 0.5
-
-
 def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
     """Returns (K,) the number from 0 of the thing that each of K movers is a part of.
 
@@ -121,7 +116,7 @@ def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[
     if len(movers) == 0:
         return np.zeros(0, np.int64)
     tree = cKDTree(movers.positions)
-    pairs = movers.owners[tree.query_pairs(_REACH_M, output_type="ndarray")]
+    pairs = movers.owners[tree.query_pairs(REACH_M, output_type="ndarray")]
     first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)

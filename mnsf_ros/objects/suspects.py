@@ -12,8 +12,6 @@ from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
-# To suspect an object few points are enough.
-_NUM_POINTS: Final = 16
 # An object that an older sweep explains as well as this without motion is not a suspect.
 _MIN_PAST_M: Final = 0.05
 # The same for a neighbouring sweep, where there are no older ones.
@@ -43,7 +41,7 @@ class Suspects:
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
         one sweep does not show may be hidden.
         """
-        some, limit_m = objects.thinner(_NUM_POINTS), _MIN_PAST_M if targets.past else _MIN_NEAR_M
+        some, limit_m = objects.thinner(), _MIN_PAST_M if targets.past else _MIN_NEAR_M
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
         # The oldest first: it decides most objects, and few remain for the other sweeps.
@@ -64,11 +62,11 @@ class Suspects:
         return len(self.rows)
 
     def are_first(self, number: int) -> NDArray[np.bool_]:
-        """Returns a (K,) mask of those with a track, then of the nearest ones, up to a number."""
+        """Returns a (K,) mask of what was seen to move, then the nearest ones, up to a number."""
         is_first = np.ones(len(self), dtype=bool)
         if len(self) > number:
             ranges = (self.objects.centers**2).sum(axis=1)
-            is_first[np.lexsort((ranges, ~self.expected.is_known))[number:]] = False
+            is_first[np.lexsort((ranges, self.expected.scores <= 0))[number:]] = False
         return is_first
 
     def rather_than(self, moving: JudgedMotions, targets: Targets) -> "Suspects":

@@ -18,8 +18,6 @@ _MAX_AGAIN: Final = 0.5
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
 _MAX_SPREAD: Final = 0.05
-# A point that was seen again belongs to a mover if it is this close to where that had moved.
-_REACH_M: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,7 @@ class SweepClock:
         if len(again) == 0 or len(points) == 0:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         moved = points + np.float32(self.revolution_s) * velocities
-        nearest = PointGrid(moved).nearest(xyz[again], _REACH_M)
+        nearest = PointGrid(moved).nearest(xyz[again])
         is_near = nearest >= 0
         return again[is_near], rows[nearest[is_near]]
 

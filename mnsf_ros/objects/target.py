@@ -13,13 +13,13 @@ from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.point_grid import REACH_M
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# The residual of a point is limited to this,
-TRUNCATION_M: Final = 0.5
-# and that of a point behind what the sweep saw to this: nobody knows what is there.
+# The residual of a point is limited to the reach, that of one behind what the sweep saw to this:
+# nobody knows what is there.
 _HIDDEN_M: Final = 0.1
-# A point farther off than this is that of something else.
+# A point farther off than this is that of something else that touches it.
 _NEAR_M: Final = 0.25
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
 # moved; less of the interval than this is not believed.
@@ -75,19 +75,16 @@ class Target:
         shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_STEPS)
         return (shares[:, None] * self.steps).astype(np.float32)
 
-    def pulls(
-        self, objects: ObjectPoints, flows: NDArray[np.float32], reach_m: float
-    ) -> NDArray[np.float64]:
+    def pulls(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
 
         Args:
             objects: K objects.
             flows: (K, 3) metres, how far they are moved.
-            reach_m: Points farther off do not pull.
         """
         exactly = np.zeros_like(objects.spacing)
         _, vectors, counts = self.sweep.grid.compared(
-            objects.positions, objects.owners, flows, self.from_current, exactly, reach_m
+            objects.positions, objects.owners, flows, self.from_current, exactly
         )
         means = vectors / np.maximum(counts, 1)[:, None]
         return turned(means, self.from_current[:3, :3].T)
@@ -132,8 +129,8 @@ class Target:
         if others is not None:
             there = transformed(objects.positions + others, self.from_current)
             own_ranges = np.sqrt((there**2).sum(axis=1))
-        is_hidden = self.sweep.view.are_hidden(places, own_ranges, TRUNCATION_M)
-        return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(TRUNCATION_M))
+        is_hidden = self.sweep.view.are_hidden(places, own_ranges, REACH_M)
+        return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(REACH_M))
 
     def residuals(
         self,
@@ -161,7 +158,6 @@ class Target:
             shifts,
             self.from_current,
             objects.spacing,
-            TRUNCATION_M,
             self.limits_m(objects, shifts[objects.owners], other_flows),
             None if most_m is None else most_m * objects.counts,
         )

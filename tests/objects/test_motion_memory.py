@@ -8,7 +8,6 @@ import pytest
 from box_street import BoxStreet, pose
 from small_scenes import rows
 
-from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
@@ -50,9 +49,8 @@ def object_at(*centers):
 def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     none = np.zeros(len(objects))
-    moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0])
     pose = current.pose.world_from_sensor
-    seen = Sightings.of(objects, moving, none, none == 0, pose, interval_s or 0.1)
+    seen = Sightings.of(objects, motions, none, none == 0, pose, interval_s or 0.1)
     return memory.follow(current, seen, interval_s)
 
 

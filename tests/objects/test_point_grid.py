@@ -9,7 +9,7 @@ from box_street import pose
 from scipy.spatial import cKDTree
 from small_scenes import rows
 
-from mnsf_ros.objects.point_grid import MAX_REACH_M, PointGrid
+from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 
 NOWHERE = np.zeros((1, 3), np.float32)
 
@@ -28,14 +28,14 @@ def compared(grid, positions, reach_m=0.5, within_m=0.0, motion=(0, 0, 0), trans
         np.tile(rows(motion), (len(positions), 1)),
         np.eye(4) if transform is None else transform,
         np.full(len(positions), within_m, np.float32),
-        reach_m,
+        np.full(len(positions), reach_m, np.float32),
     )
 
 
 class TestPointGrid:
     @pytest.mark.parametrize("center", [(0, 0, 0), (-3, 7.3, 1), (900, -2000, 30)])
     @pytest.mark.parametrize("size_m", [0.5, 4.0, (60, 60, 3)])
-    @pytest.mark.parametrize("reach_m", [0.05, 0.5, MAX_REACH_M])
+    @pytest.mark.parametrize("reach_m", [0.05, REACH_M])
     def test_finds_the_nearest_point(self, center, size_m, reach_m):
         points, places = cloud(3000, size_m, center), cloud(500, size_m, center, seed=1)
         distances, vectors, counts = compared(PointGrid(points), places, reach_m)
@@ -61,7 +61,7 @@ class TestPointGrid:
         grid, owners = PointGrid(points), np.sort(np.arange(100) % 7)
         motions = cloud(7, 1.0, seed=2)
         exactly = np.zeros(100, np.float32)
-        sums = grid.compared(places, owners, motions, np.eye(4), exactly, 0.5)
+        sums = grid.compared(places, owners, motions, np.eye(4), exactly)
         of_each = compared(grid, places + motions[owners])
         for found, each in zip(sums, of_each, strict=True):
             expected = np.zeros((7, *each.shape[1:]))

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from small_scenes import rows, surface
 
-from mnsf_ros.objects.following import follow
-from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.sightings import Sightings, mover_groups
-from mnsf_ros.objects.tracks import alive
+from mnsf_ros.objects.tracks import alive, follow
 
 INTERVAL_S = 0.1
 
@@ -27,16 +25,14 @@ def objects_at(*centers, size=(2.0, 1.5, 1.5)):
     return ObjectPoints(np.arange(number) + 1, xyz, owners, np.zeros(len(xyz), np.float32))
 
 
-def seen(*centers, velocity=(10.0, 0.0, 0.0), residual=0.0, size=(2.0, 1.5, 1.5)):
+def seen(*centers, velocity=(10.0, 0.0, 0.0), size=(2.0, 1.5, 1.5)):
     """Boxes at these places, all with one velocity, or each with its own."""
     number = len(centers)
     motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
-    cost = np.full((number, 2), residual)
-    moving = JudgedMotions(motions, cost, cost[:, :0])
     scores = np.full(number, 3.0)
     objects = objects_at(*centers, size=size)
     are_moving = np.ones(number, np.bool_)
-    return Sightings.of(objects, moving, scores, are_moving, np.eye(4), INTERVAL_S)
+    return Sightings.of(objects, motions, scores, are_moving, np.eye(4), INTERVAL_S)
 
 
 class Follower:
@@ -103,7 +99,7 @@ class TestState:
         rng, follower, errors = np.random.default_rng(0), Follower(), []
         for index in range(40):
             velocity = rng.normal((10, 0, 0), 0.3)
-            follower.see((index, 0, 0), velocity=velocity, residual=0.02)
+            follower.see((index, 0, 0), velocity=velocity)
             errors.append(np.linalg.norm(follower.tracks[0].velocity - (10, 0, 0)))
         assert np.mean(errors[10:]) < 0.7 * 0.3 * np.sqrt(3)
         sigma = np.sqrt(follower.tracks[0].covariance[1, 1])
