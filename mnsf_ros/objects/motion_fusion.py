@@ -17,9 +17,8 @@ from mnsf_ros.objects.target import Targets
 _MAX_SHARE: Final = 0.8
 # Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
 _LEVEL_M: Final = 0.05
-# Motions are the same if they differ by less than this plus this share of the longer one.
-_SAME_MOTION_M: Final = 0.05
-_SAME_MOTION_SHARE: Final = 0.2
+# Motions are the same if they differ by less than this share of the longer one plus a metre.
+_SAME_SHARE: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def are_same(
     """Returns (K,) whether motions (K, 3) are as good as others (K, 3), both in metres."""
     apart = np.sqrt(((motions - others) ** 2).sum(axis=1))
     longer = np.sqrt(np.maximum((motions**2).sum(axis=1), (others**2).sum(axis=1)))
-    return apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * longer
+    return apart < _SAME_SHARE * (1.0 + longer)
 
 
 def judge(

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.tracks import MIN_SHARE, Track, alive, expecting_shares, follow
 from mnsf_ros.settings import Settings
@@ -96,34 +95,27 @@ class MotionMemory:
         return stretch.start if self._tracks is None else Start.WARM
 
     def follow(
-        self, current: ObjectSweep, seen: Sightings, interval_s: float
+        self, expected: Sequence[Track], seen: Sightings, stamp_ns: int, interval_s: float
     ) -> tuple[list[Track], NDArray[np.int64]]:
         """Associates what may move in the current sweep with the tracks, and updates these.
 
         Args:
-            current: The current sweep.
-            seen: What moves, or may move, there.
+            expected: The tracks, see `expected`.
+            seen: What moves, or may move, in the sweep.
+            stamp_ns: Time of the sweep.
             interval_s: Time to the next sweep.
 
         Returns:
             The tracks, and (K,) the number of the track of each of the objects that were seen.
         """
-        before = self._expected_tracks(current, interval_s)
-        tracks, ids = follow(before, seen, current.sweep.stamp_ns, self._next_id)
+        tracks, ids = follow(expected, seen, stamp_ns, self._next_id)
         self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
         if self._settings.warm_start.enabled and interval_s > 0:
             self._tracks = tracks
         return tracks, ids[seen.groups]
 
-    def expected(
-        self, current: ObjectSweep, objects: ObjectPoints, interval_s: float
-    ) -> Expectation:
-        """Returns the predictions of the tracks for objects of the current sweep."""
-        tracks = self._expected_tracks(current, interval_s)
-        return Expectation.of(objects, tracks, current.pose.world_from_sensor, interval_s)
-
-    def _expected_tracks(self, current: ObjectSweep, interval_s: float) -> list[Track]:
-        """Returns the tracks as they are expected in the current sweep."""
+    def expected(self, stamp_ns: int, interval_s: float) -> list[Track]:
+        """Returns the tracks as they are expected in a sweep, so long before the next one."""
         if self._tracks is None or interval_s <= 0:
             return []
-        return alive(self._tracks, current.sweep.stamp_ns, interval_s)
+        return alive(self._tracks, stamp_ns, interval_s)

@@ -14,7 +14,7 @@ from mnsf_ros.objects.encoded_field import Heads, turning
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
-from mnsf_ros.objects.motion_memory import MotionMemory
+from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
@@ -119,7 +119,8 @@ class ObjectFlowEstimator:
         targets, settings = scene.targets, self.settings.objects
         with clock.stage("objects"):
             objects = ObjectPoints.of(scene.current, settings)
-            expected = self._memory.expected(scene.current, objects, scene.interval_s)
+            pose = scene.current.pose.world_from_sensor
+            expected = Expectation.of(objects, scene.tracks, pose, scene.interval_s)
             suspects = Suspects.among(objects, targets, expected)
             searched = suspects.only(suspects.are_first(settings.max_suspects))
         with clock.stage("first guess"):
@@ -138,7 +139,7 @@ class ObjectFlowEstimator:
                 moving.motions[may_move],
                 scores[may_move],
                 is_moving[may_move],
-                scene.current.pose.world_from_sensor,
+                pose,
                 scene.usual_interval_s,
             )
             # What goes along with a mover is a part of it.
@@ -159,7 +160,8 @@ class ObjectFlowEstimator:
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        tracks, ids = self._memory.follow(scene.current, decision.seen, scene.interval_s)
+        stamp_ns = scene.current.sweep.stamp_ns
+        tracks, ids = self._memory.follow(scene.tracks, decision.seen, stamp_ns, scene.interval_s)
         return tracks, ids[decision.is_moving[decision.may_move]]
 
     def moved(

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Points that are farther apart than this belong to different things. No search goes farther: with
-# cells of this size the nearest point is in a cell that touches that of the place.
+# Points that are farther apart than this belong to different things; no search goes farther.
 REACH_M: Final = 0.5
-_CELL_M: Final = np.float32(REACH_M)
+# The nearest point is in a cell that touches that of the place. Most often it is the same one if
+# cells are a little larger than the reach.
+_CELL_M: Final = np.float32(1.25 * REACH_M)
 # Cells share buckets; what is in another cell of the same bucket is too far off to count.
 _MIN_BUCKETS: Final = 2**10
 _MAX_BUCKETS: Final = 2**17
@@ -77,7 +78,7 @@ class PointGrid:
             np.ascontiguousarray(motions, np.float32),
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
-            np.full(len(positions), _CELL_M) if limits_m is None else limits_m,
+            np.full(len(positions), np.float32(REACH_M)) if limits_m is None else limits_m,
             np.full(len(motions), np.inf) if most_m is None else most_m,
             self.starts,
             self.points,
@@ -241,7 +242,7 @@ def _compared(
         px = x * to_x[0] + y * to_x[1] + z * to_x[2] + to_x[3]
         py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
         pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
-        farthest = min(_CELL_M, within_m[row] + limits_m[row])
+        farthest = min(np.float32(REACH_M), within_m[row] + limits_m[row])
         nearest, squared = _nearest(px, py, pz, within_m[row], farthest, starts, points)
         beyond = max(np.sqrt(squared) - within_m[row], np.float32(0.0))
         distances[owner] += min(beyond, limits_m[row])

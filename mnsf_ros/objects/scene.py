@@ -33,6 +33,7 @@ class Scene:
     Attributes:
         current: The middle sweep.
         targets: What its objects are measured on.
+        tracks: What was followed, as it is expected by now.
         interval_s: Time to the next sweep; 0 without stamps.
         start: Whether anything is known from triplets before.
         min_points: Minimum number of thinned points of an object that is fitted.
@@ -40,6 +41,7 @@ class Scene:
 
     current: ObjectSweep
     targets: Targets
+    tracks: list[Track]
     interval_s: float
     start: Start
     min_points: int
@@ -59,7 +61,8 @@ class Scene:
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
         current = split(current, past)
-        return cls(current, Targets(near, past), interval_s, start, settings.min_points)
+        tracks = memory.expected(current.sweep.stamp_ns, interval_s)
+        return cls(current, Targets(near, past), tracks, interval_s, start, settings.min_points)
 
     @property
     def usual_interval_s(self) -> float:

@@ -8,7 +8,7 @@ import pytest
 from box_street import BoxStreet, pose
 from small_scenes import rows
 
-from mnsf_ros.objects.motion_memory import MotionMemory
+from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
 from mnsf_ros.objects.sightings import Sightings
@@ -51,7 +51,8 @@ def followed(memory, current, objects, motions, interval_s):
     none = np.zeros(len(objects))
     pose = current.pose.world_from_sensor
     seen = Sightings.of(objects, motions, none, none == 0, pose, interval_s or 0.1)
-    return memory.follow(current, seen, interval_s)
+    stamp_ns = current.sweep.stamp_ns
+    return memory.follow(memory.expected(stamp_ns, interval_s), seen, stamp_ns, interval_s)
 
 
 class TestExpected:
@@ -69,7 +70,9 @@ class TestExpected:
             self.sensor_from_first[:3, :3] @ center + self.sensor_from_first[:3, 3]
             for center in centers
         ]
-        return seen.memory.expected(later, object_at(*places), interval_s).motions
+        tracks = seen.memory.expected(later.sweep.stamp_ns, interval_s)
+        pose = later.pose.world_from_sensor
+        return Expectation.of(object_at(*places), tracks, pose, interval_s).motions
 
     def test_motion_goes_on_in_the_frame_of_the_later_sweep(self):
         found = self.expected((6, 1, 0), (9, 9, 0))
