@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
@@ -16,11 +16,9 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`, as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI.
-_WEIGHTS: Final = (-2.9, 1.1, 1.1, -0.3, 0.6, -3.4, -0.6, -0.85)
+_WEIGHTS: Final = (-2.9, 1.0, 1.1, 0.8, -2.9, -0.68, -0.6, 0.23)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 5.0
-# Below this, residuals are noise.
-_NOISE_M: Final = 0.015
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.03
 # A shorter motion over ground is noise.
@@ -105,10 +103,10 @@ def evidence(
     """Returns (K, 8) features for and against the motions of K objects.
 
     These are: 1; whether there are no older sweeps; the logarithm of the number of points in free
-    space; the height in metres; the odds so far; the logarithm of the metres from one on of a
-    motion that no track expected; and, twice, the logarithm of the share of the residual that the
-    motion leaves in the neighbouring sweeps, plus that of the older ones: times the logarithm of
-    the thickness, and if a track expected the motion.
+    space; the odds so far; the logarithm of the metres from one on of a motion that no track
+    expected. And the logarithm of the share of the residual that the motion leaves in the
+    neighbouring sweeps, plus that of the older ones: times the logarithm of the thickness, if a
+    track expected the motion, and times the height in metres.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
@@ -130,17 +128,17 @@ def evidence(
         np.ones(len(suspects)),
         np.full(len(suspects), not suspects.has_past),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0)) * objects.counts),
-        objects.heights,
         np.clip(expected.scores, 0.0, _MAX_ODDS),
         np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))),
         shares * thicknesses,
         shares * is_same,
+        shares * objects.heights,
     )
     return np.stack(columns, axis=1).astype(np.float64)
 
 
 def _log_share(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.log((part + _NOISE_M) / (whole + _NOISE_M))
+    return np.log((part + NOISE_M) / (whole + NOISE_M))
 
 
 def moves(

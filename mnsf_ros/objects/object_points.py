@@ -14,7 +14,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # How far a point of a surface is from the points of the same surface in another sweep: noise and
 # thinning near by, the spacing of the beams far off.
-_SPACING_M: Final = 0.02
+NOISE_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
 # To compare motions roughly, so many points of an object are enough.
 _FEW: Final = 16
@@ -47,7 +47,7 @@ class ObjectPoints:
             settings.points_per_object,
         )
         ranges = np.sqrt((chosen * chosen).sum(axis=1))
-        spacing = (_SPACING_M + _SPACING_PER_M * ranges).astype(np.float32)
+        spacing = (NOISE_M + _SPACING_PER_M * ranges).astype(np.float32)
         return cls(numbers, chosen, owners, spacing)
 
     def __len__(self) -> int:

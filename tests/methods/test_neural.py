@@ -91,7 +91,7 @@ def test_online_finds_how_a_car_moves_and_turns(motion, limit_m):
     assert max(car) < limit_m
     # It turns about the vertical axis, and stays as it is.
     known = estimates[-1].over_ground
-    assert np.ptp(known.motion[known.dynamic][:, 2]) < 0.02
+    assert np.ptp(known.motion[known.dynamic][:, 2]) < 0.05
 
 
 def test_what_is_parked_is_static():

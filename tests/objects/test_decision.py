@@ -63,7 +63,7 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     bias = moving_scores(evidence(without, moving, np.zeros(1), np.zeros(1, np.bool_)))
     # The evidence of this sweep alone is just not enough; a track that went wrong says nothing.
     scores = moving_scores(features) - bias - 1.0
-    assert scores[0] == pytest.approx(-1.0 + 0.6 * min(max(odds, 0.0), 5.0))
+    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(max(odds, 0.0), 5.0))
     may_move, is_moving = moves(moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called
