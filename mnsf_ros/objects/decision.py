@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`, as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI.
-_WEIGHTS: Final = (-2.9, 1.0, 1.1, 0.8, -2.9, -0.68, -0.6, 0.23)
+_WEIGHTS: Final = (-2.95, 1.0, 1.05, 0.8, -2.7, -0.68, -0.65, 0.37)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 5.0
 # By noise alone surfaces are thicker than this.
@@ -106,7 +106,7 @@ def evidence(
     space; the odds so far; the logarithm of the metres from one on of a motion that no track
     expected. And the logarithm of the share of the residual that the motion leaves in the
     neighbouring sweeps, plus that of the older ones: times the logarithm of the thickness, if a
-    track expected the motion, and times the height in metres.
+    track expected the motion, and times the metres from the sensor up to its top.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
@@ -132,7 +132,7 @@ def evidence(
         np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))),
         shares * thicknesses,
         shares * is_same,
-        shares * objects.heights,
+        shares * objects.tops,
     )
     return np.stack(columns, axis=1).astype(np.float64)
 

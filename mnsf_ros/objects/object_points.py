@@ -136,14 +136,15 @@ class ObjectPoints:
         return np.minimum(widths, heights)
 
     @property
-    def heights(self) -> NDArray[np.float64]:
-        """(K,) metres, twice the height of the middle half of each object's points.
+    def tops(self) -> NDArray[np.float64]:
+        """(K,) metres, how far each object reaches above the sensor; 0 if it does not.
 
-        It leaves out what is above a mover: the roof of a tunnel, the crown of a tree.
+        It leaves out what is above a mover, the roof of a tunnel or the crown of a tree: its height
+        is taken for twice that of the middle half of the points.
         """
         # Points are in the order of their heights, see `thinned`.
         low, high = (self.positions[self.starts + share * self.counts // 4, 2] for share in (1, 3))
-        return np.asarray(2 * (high - low), np.float64)
+        return np.maximum(self.centers[:, 2] + (high - low), 0).astype(np.float64)
 
     def sums(self, values: NDArray[Any]) -> NDArray[Any]:
         """(K, ...) sums over each object's points of values (P, ...)."""
