@@ -1,0 +1,111 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""What each rule of `online` buys: random worlds without one at a time.
+
+    python benchmarks/leave_one_out.py [--seeds A B] [--workers N] [--cache DIR] [--document FILE]
+
+Means over worlds, see movers.py, which makes them. A rule that buys nothing on worlds that it was
+not made for should go.
+"""
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any, Final
+from unittest.mock import patch
+
+import numpy as np
+import pandas as pd
+from drives import kept_world
+from frame import Table, make_parser, publish
+from movers import CACHE, DURATION_S
+from world_scores import world_score
+
+from mnsf_ros.objects import (
+    decision,
+    motion_field,
+    motion_fusion,
+    object_flow,
+    scene,
+    splitting,
+    target,
+)
+from mnsf_ros.objects.encoded_field import whole
+from mnsf_ros.objects.suspects import Suspects
+
+_FIGURES: Final = {
+    "recall": "recall",
+    "found": "found",
+    "pedestrians": "pedestrians",
+    "false movers": "false movers a sweep",
+    "dynamic EPE": "EPE dynamic (m)",
+    "dynamic EPE, two sweeps": "two sweeps",
+}
+
+
+def _without_term(term: int) -> tuple[Any, str, Any]:
+    weights = np.array(decision._WEIGHTS)
+    weights[term] = 0.0
+    return decision, "_WEIGHTS", tuple(weights)
+
+
+_NONE: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+# Row to what is replaced: owner, name and value.
+_RULES: Final[dict[str, tuple[Any, str, Any]]] = {
+    "free space": _without_term(2),
+    "odds so far": _without_term(3),
+    "length of what is new": _without_term(4),
+    "thickness": _without_term(5),
+    "agreement with a track": _without_term(6),
+    "reach above the sensor": _without_term(7),
+    "followed before it is called": (decision, "_TENTATIVE", 0.0),
+    "hidden points count less": (target, "_HIDDEN_M", 0.5),
+    "what hides itself": (Suspects, "rather_than", lambda self, *_: self),
+    "splitting": (splitting, "_PEDESTRIAN_M", 0.0),
+    "attachments": (scene, "attached", lambda *_: _NONE),
+    "turning": (object_flow, "turning", lambda movers, motions, targets: whole(motions)),
+    "longer steps of fits": (motion_field, "_STEP", 1.0),
+    "no steep motion": (motion_field, "_STEEPEST", np.float32(9)),
+    "no small vertical motion": (motion_fusion, "_LEVEL_M", 0.0),
+    "preference for fitted motions": (motion_fusion, "_MAX_SHARE", 1.0),
+}
+
+
+def main() -> None:
+    """Measures all rows, prints the table, and writes it into a document."""
+    parser = make_parser(__doc__)
+    parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 10))
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--cache", type=Path, default=CACHE, help="of worlds")
+    options = parser.parse_args()
+    seeds = range(*options.seeds)
+    publish("leave-one-out", _tables(seeds, options.workers, options.cache), options.document)
+
+
+def _tables(seeds: range, num_workers: int, cache: Path) -> Iterator[Table]:
+    for name in ("OMP", "OPENBLAS", "NUMBA"):
+        os.environ.setdefault(f"{name}_NUM_THREADS", "1")
+    # Not fork: compiled loops may have threads.
+    with ProcessPoolExecutor(num_workers, multiprocessing.get_context("spawn")) as pool:
+        worlds = list(pool.map(_figures, seeds, [cache] * len(seeds)))
+    means = pd.concat(worlds).groupby(level=0, sort=False).mean()
+    rows = [[name, *(f"{value:.3f}" for value in line)] for name, line in means.iterrows()]
+    title = f"Random worlds, seeds {seeds[0]} to {seeds[-1]}, means: without"
+    yield Table(title, ["", *_FIGURES.values()], rows)
+
+
+def _figures(seed: int, cache: Path) -> pd.DataFrame:
+    """Figures of a world with all rules, and without each."""
+    world = kept_world(seed, DURATION_S, "random", cache)
+    lines = {}
+    for name, rule in {"all rules": None, **_RULES}.items():
+        with patch.object(*rule) if rule else nullcontext():
+            lines[name] = world_score(world).figures
+    return pd.DataFrame(lines).T[list(_FIGURES)].astype(float)
+
+
+if __name__ == "__main__":
+    main()
