@@ -17,6 +17,10 @@ from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target, Targets
 from mnsf_ros.settings import ObjectSettings
 
+# In older sweeps, motions that differ from the best in the neighbouring ones by less are tried: the
+# work grows with the square.
+_MAX_CHANGE_M_S: Final = 12.0
+
 
 def first_guesses(
     suspects: Suspects, targets: Targets, interval_s: float, settings: ObjectSettings
@@ -38,12 +42,13 @@ def first_guesses(
     expected = suspects.expected
     some = suspects.objects.thinner()
     standing = best = judge(some, targets, suspects.standing.motions)
-    reach_m = settings.max_speed_m_s * interval_s
-    num_iterations = settings.max_iterations
+    num_iterations, reach_m = settings.max_iterations, settings.max_speed_m_s * interval_s
     voted = _voted(some, targets.near, reach_m, best.motions, num_iterations)
     best = best_of(some, targets, best, expected.beside(voted))
     if targets.past:
-        voted = _voted(some, targets.past, reach_m, best.motions, num_iterations)
+        voted = _voted(
+            some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
+        )
         best = best_of(some, targets, best, [voted])
     is_worth = expected.is_known | (best.total < standing.total) | (not targets.past)
     return best.motions, is_worth
