@@ -15,8 +15,8 @@ from mnsf_ros.objects.target import Targets
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
-# Dynamic objects: constant, per logarithm of the share of the residual that the motion leaves of
-# what motions beside it leave, per unit of the score that they move, per logarithm of the length.
+# Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
+# per unit of the score that they move, per logarithm of the length.
 _MOVING: Final = (-0.15, -0.85, 0.17, -0.53)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (1.31, -10.17, 0.28)
