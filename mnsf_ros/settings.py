@@ -197,7 +197,7 @@ class ObjectSettings:
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
     )
     max_suspects: int = declared(
-        300, "Maximum number of objects whose motion is searched for: tracked, nearest", 1, 100_000
+        300, "Maximum number of objects whose motion is searched for: moving, nearest", 1, 100_000
     )
     max_speed_m_s: float = declared(36.0, "Maximum speed of objects over ground", 1, 100)
     max_iterations: int = declared(4, "Iterations when the motion of an object is fitted", 1, 100)

@@ -14,8 +14,8 @@ from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
 
-# Logistic regression, one number for each column of `evidence`, as `benchmarks/fit_weights.py`
-# fits them to random worlds and KITTI.
+# Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
+# fits them to random worlds and KITTI, then balanced between found and false movers.
 _WEIGHTS: Final = (-2.95, 1.0, 1.05, 0.8, -2.7, -0.68, -0.65, 0.37)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 5.0
@@ -33,7 +33,7 @@ class Decision:
 
     Attributes:
         suspects: Objects that other sweeps do not support as static, and those with a track.
-        searched: The K of them whose motion was searched: with a track, then the nearest ones.
+        searched: The K of them whose motion was searched: seen to move, then the nearest ones.
         start: (K, 3) metres to the next sweep, where the fits of their motions started.
         fitted: The F of these that a motion may explain better.
         moving: The motions that were found.

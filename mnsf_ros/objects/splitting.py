@@ -20,7 +20,7 @@ def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
     """Returns the sweep with movers split from what they touch, if they came lately.
 
     A point came lately if another sweep saw through its place and nothing was near: that of a
-    pedestrian in a row of parked cars, or of a car beside a wall.
+    pedestrian in a row of parked cars.
 
     Args:
         current: The sweep.
