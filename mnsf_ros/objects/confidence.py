@@ -9,25 +9,21 @@ from scipy.special import expit
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
 # Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
-# per unit of the score that they move, per logarithm of the length.
-_MOVING: Final = (-0.15, -0.85, 0.17, -0.53)
+# per logarithm of one more than the score that they move, and of one metre more than the length.
+_MOVING: Final = (0.12, -0.93, 0.68, -0.65)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (1.31, -10.17, 0.28)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (2.83, -0.25)
-# Residuals count from the spacing of the points on; this share of it is noise.
-_NOISE_SHARE: Final = 0.2
 # Motions that differ by this should explain an object worse: along a flat side they do not.
 _BESIDE_M: Final = 0.2
-# What is slower is as easily found.
-_SLOW_M: Final = 0.05
 
 
 def moving_confidence(
@@ -72,12 +68,10 @@ def moving_features(
     movers: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float64]:
     """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
-    noise = _NOISE_SHARE * movers.sums(movers.spacing) / movers.counts
     beside = _beside(movers, moving, targets)
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    return _with_constant(
-        np.log((moving.cost + noise) / (beside + noise)), scores, np.log(lengths + _SLOW_M)
-    )
+    uncertainty = np.log((moving.cost + NOISE_M) / (beside + NOISE_M))
+    return _with_constant(uncertainty, np.log1p(np.maximum(scores, 0.0)), np.log1p(lengths))
 
 
 def _beside(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
@@ -87,12 +81,12 @@ def _beside(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> N
     itself they leave no more: then the motion is a guess.
     """
     angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
-    motions = np.tile(moving.motions, (4, 1))
-    motions[:, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32).ravel()
-    motions[:, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32).ravel()
-    judged = judge(objects.repeated(4), targets, motions)
-    least = judged.total.reshape(4, len(objects)).min(axis=0)
-    return np.maximum(least - moving.total, 0.0)
+    motions = np.tile(moving.motions, (5, 1, 1))
+    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
+    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
+    judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
+    own, *others = judged.total.reshape(5, len(objects))
+    return np.maximum(np.min(others, axis=0) - own, 0.0)
 
 
 def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
@@ -16,13 +17,9 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.95, 1.0, 1.05, 0.8, -2.7, -0.68, -0.65, 0.37)
+_WEIGHTS: Final = (-2.65, 0.95, 0.9, 0.8, -2.17, -0.61, -0.58, 0.32)
 # Odds so far count up to this: something may stop at any time.
-_MAX_ODDS: Final = 5.0
-# By noise alone surfaces are thicker than this.
-_THIN_M: Final = 0.03
-# A shorter motion over ground is noise.
-_MIN_MOTION_M: Final = 0.02
+_MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.5
 
@@ -63,6 +60,12 @@ class Decision:
         return len(self.suspects) - len(self.searched)
 
     @property
+    def groups(self) -> NDArray[np.int64]:
+        """(M,) the number from 0 of the thing that each of the M movers is a part of."""
+        of_movers = self.seen.groups[self.is_moving[self.may_move]]
+        return np.unique(of_movers, return_inverse=True)[1]
+
+    @property
     def doubtful(self) -> Suspects:
         """Suspects that are not called dynamic, with those beyond the limits of the work."""
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
@@ -76,26 +79,34 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
 def free_space(
     objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Returns (K,) how much rather objects are in free space of other sweeps if they stand.
+    """Returns (K,) how many more points are in free space of another sweep if objects stand.
 
-    It is the share of an object's points that are there if it stands, less the same if it moves,
-    summed over the sweeps. A place that was seen through is evidence of motion. One that was
-    hidden, or beside the beams, is none: there a static object leaves a residual, too.
+    These are the points of an object that are there if it stands, less those if it moves, and the
+    points that older sweeps had of it, if it moves, and that are gone. A place that was seen
+    through is evidence of motion. One that was hidden, or beside the beams, is none: there a static
+    object leaves a residual, too.
 
     Args:
         objects: K objects.
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
     """
+    current = targets.near[0].current
+    owners = objects.rows_of(current.num_objects)[current.thinned_objects]
+    points, owners = chosen_points(current.thinned, owners >= 0), owners[owners >= 0]
     free = np.zeros(len(objects))
     for target in (*targets.past, *targets.near):
-        free += target.free_shares(objects, np.zeros_like(motions))
-        free -= target.free_shares(objects, motions)
+        free += target.num_free(objects, np.zeros_like(motions))
+        free -= target.num_free(objects, motions)
+    for target in targets.past or targets.near:
+        places = points + np.take(target.shifts(objects, motions), owners, axis=0)
+        free += np.bincount(owners[target.rows_of_gone(places)], minlength=len(objects))
     return free
 
 
 def evidence(
     suspects: Suspects,
+    standing: JudgedMotions,
     moving: JudgedMotions,
     free: NDArray[np.float64],
     are_parts: NDArray[np.bool_],
@@ -103,33 +114,33 @@ def evidence(
     """Returns (K, 8) features for and against the motions of K objects.
 
     These are: 1; whether there are no older sweeps; the logarithm of the number of points in free
-    space; the odds so far; the logarithm of the metres from one on of a motion that no track
-    expected. And the logarithm of the share of the residual that the motion leaves in the
-    neighbouring sweeps, plus that of the older ones: times the logarithm of the thickness, if a
-    track expected the motion, and times the metres from the sensor up to its top.
+    space; the odds so far; the logarithm of the metres of the motion and one more. And the
+    logarithm of the share of the residual that the motion leaves in the neighbouring sweeps, plus
+    that of the older ones: times the logarithm of the thickness, if a track expected the motion,
+    and times the metres from the sensor up to its top.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
     Args:
-        suspects: K objects, how well they are explained as static, and what tracks expect of them.
+        suspects: K objects, and what tracks expect of them.
+        standing: How well they are explained as static.
         moving: How well their motions explain them.
         free: (K,) see `free_space`.
         are_parts: (K,) whether they were cut out of long objects.
     """
-    objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
+    objects, expected, has_past = suspects.objects, suspects.expected, moving.past.shape[1] > 0
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
     shares = _log_share(moving.cost, standing.cost)
-    if suspects.has_past:
-        past, standing_past = moving.past.mean(axis=1), standing.past.mean(axis=1)
-        shares += _log_share(past, standing_past)
-    thicknesses = np.log1p(objects.thicknesses / _THIN_M)
+    if has_past:
+        shares += _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1))
+    thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(suspects)),
-        np.full(len(suspects), not suspects.has_past),
-        np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0)) * objects.counts),
+        np.full(len(suspects), not has_past),
+        np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
         np.clip(expected.scores, 0.0, _MAX_ODDS),
-        np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))),
+        np.log1p(lengths),
         shares * thicknesses,
         shares * is_same,
         shares * objects.tops,
@@ -156,6 +167,6 @@ def moves(
         settings: Settings of the objects.
     """
     lengths = np.hypot(motions[:, 0], motions[:, 1])
-    is_possible = (lengths > _MIN_MOTION_M) & (lengths <= settings.max_speed_m_s * interval_s)
+    is_possible = (lengths > NOISE_M) & (lengths <= settings.max_speed_m_s * interval_s)
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
     return is_possible & (scores > limit - _TENTATIVE), is_possible & (scores > limit)

@@ -166,20 +166,33 @@ def _normal_equations(
     return left, right
 
 
-def turning(movers: ObjectPoints, motions: NDArray[np.float32], targets: Targets) -> Heads:
+def turning(
+    movers: ObjectPoints,
+    motions: NDArray[np.float32],
+    groups: NDArray[np.int64],
+    targets: Targets,
+) -> Heads:
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
-    They are fitted to the neighbouring sweeps, as flow fields; of the means of both a stiff object
-    leaves the motion on the ground and the turn. The motion stays if that explains no more.
+    What goes together moves and turns as one. The heads are fitted to the neighbouring sweeps, as
+    flow fields; of the means of both a stiff thing leaves the motion on the ground and the turn.
+    The motion stays if that explains no more.
 
     Args:
         movers: K objects.
         motions: (K, 3) metres, their motions to the next sweep.
+        groups: (K,) the number from 0 of the thing that each is a part of.
         targets: The other sweeps.
     """
-    steps = {target: target.steps_of(movers, motions) for target in targets.near}
-    points = EncodedPoints(movers, movers.centers, steps)
-    straight = whole(motions)
+    things = movers.joined(groups)
+    sums = np.zeros((len(things), 3))
+    np.add.at(sums, groups, motions * movers.counts[:, None])
+    straight = whole((sums / things.counts[:, None]).astype(np.float32))
+    steps = {
+        target: target.steps_of(things, straight[:, 0].astype(np.float32))
+        for target in targets.near
+    }
+    points = EncodedPoints(things, things.centers, steps)
     bent = np.mean([points.fitted(target, straight) for target in targets.near], axis=0)
     stiff = straight.copy()
     stiff[:, 0, :2] = bent[:, 0, :2]
@@ -189,4 +202,7 @@ def turning(movers: ObjectPoints, motions: NDArray[np.float32], targets: Targets
         np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
         for heads in (straight, stiff)
     )
-    return np.where((after < before)[:, None, None], stiff, straight)
+    heads = np.where((after < before)[:, None, None], stiff, straight)[groups]
+    offsets = encoded(movers.centers - things.centers[groups])
+    heads[:, 0] = (offsets[:, :, None] * heads).sum(axis=1)
+    return heads

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import best_of, judge
+from mnsf_ros.objects.motion_fusion import best_of
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target, Targets
@@ -40,8 +40,7 @@ def first_guesses(
     if len(suspects) == 0:
         return suspects.standing.motions, np.zeros(0, dtype=bool)
     expected = suspects.expected
-    some = suspects.objects.thinner()
-    standing = best = judge(some, targets, suspects.standing.motions)
+    some, best = suspects.objects.thinner(), suspects.standing
     num_iterations, reach_m = settings.max_iterations, settings.max_speed_m_s * interval_s
     voted = _voted(some, targets.near, reach_m, best.motions, num_iterations)
     best = best_of(some, targets, best, expected.beside(voted))
@@ -50,7 +49,7 @@ def first_guesses(
             some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
         )
         best = best_of(some, targets, best, [voted])
-    is_worth = expected.is_known | (best.total < standing.total) | (not targets.past)
+    is_worth = expected.is_known | (best.total < suspects.standing.total) | (not targets.past)
     return best.motions, is_worth
 
 

@@ -78,7 +78,6 @@ def judge(
     targets: Targets,
     motions: NDArray[np.float32],
     most_m: NDArray[np.float64] | float = np.inf,
-    others: NDArray[np.float32] | None = None,
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
 
@@ -87,14 +86,13 @@ def judge(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
         most_m: (K,) metres; totals above are infinite.
-        others: (K, 3) metres, motions instead of these, see `Target.limits_m`.
     """
     sweeps = (*targets.near, *targets.past)
     residuals = np.empty((len(objects), len(sweeps)))
     left_m = np.broadcast_to(most_m, len(objects))
     for column, target in enumerate(sweeps):
         size = len(targets.near) if column < len(targets.near) else len(targets.past)
-        residuals[:, column] = target.residuals(objects, motions, size * left_m, others)
+        residuals[:, column] = target.residuals(objects, motions, size * left_m)
         left_m = left_m - residuals[:, column] / size
     residuals[left_m < 0] = np.inf
     near, past = np.split(residuals, [len(targets.near)], axis=1)

@@ -128,10 +128,10 @@ class ObjectFlowEstimator:
             fitted = searched.only(is_worth)
         moving = self.moved(fitted, scene, start[is_worth], clock)
         with clock.stage("gate"):
-            fitted = fitted.rather_than(moving, targets)
+            standing = judge(fitted.objects, targets, np.zeros_like(moving.motions))
             free = free_space(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
-            features = evidence(fitted, moving, free, are_parts)
+            features = evidence(fitted, standing, moving, free, are_parts)
             scores = moving_scores(features)
             may_move, is_moving = moves(moving.motions, scores, scene.usual_interval_s, settings)
             seen = Sightings.of(
@@ -193,4 +193,5 @@ class ObjectFlowEstimator:
     def heads(self, scene: Scene, decision: Decision) -> Heads:
         """How the movers move and turn."""
         movers, is_moving = decision.fitted.objects, decision.is_moving
-        return turning(movers.only(is_moving), decision.moving.motions[is_moving], scene.targets)
+        motions, groups = decision.moving.motions[is_moving], decision.groups
+        return turning(movers.only(is_moving), motions, groups, scene.targets)

@@ -74,6 +74,12 @@ class ObjectPoints:
             np.tile(self.spacing, number),
         )
 
+    def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":
+        """Returns the objects of each group (K,), numbers from 0 to G - 1, as one object."""
+        order = np.argsort(groups[self.owners], kind="stable")
+        _, first = np.unique(groups, return_index=True)
+        return self._with_points(order, self.numbers[first], groups[self.owners])
+
     def thinner(self) -> "ObjectPoints":
         """Returns the same objects with few points each."""
         step = np.maximum(1, -(-self.counts // _FEW))[self.owners]

@@ -77,6 +77,11 @@ class ObjectSweep:
         """The range image of the sweep."""
         return RangeView(self.xyz)
 
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(all objects,) how many thinned points each has."""
+        return np.bincount(self.thinned_objects, minlength=self.num_objects)
+
     @cached_property
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""

@@ -14,7 +14,6 @@ REACH_M: Final = 0.5
 # cells are a little larger than the reach.
 _CELL_M: Final = np.float32(1.25 * REACH_M)
 # Cells share buckets; what is in another cell of the same bucket is too far off to count.
-_MIN_BUCKETS: Final = 2**10
 _MAX_BUCKETS: Final = 2**17
 _BUCKETS_PER_POINT: Final = 8
 _ACROSS: Final = 73_856_093
@@ -95,7 +94,7 @@ def _in_buckets(
         The start of each bucket and the end of the last one, the points in their order, and (T,)
         their rows.
     """
-    number = _MIN_BUCKETS
+    number = 1
     while number < _BUCKETS_PER_POINT * len(points) and number < _MAX_BUCKETS:
         number *= 2
     starts = np.zeros(number + 1, np.int32)

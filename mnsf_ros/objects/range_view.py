@@ -10,14 +10,9 @@ from mnsf_ros.compiled import compiled
 
 # Cells span a few beams of common sensors. Those above and below that are empty, as between few
 # beams, are passed over, up to this far.
-_AZIMUTH_DEG: Final = 0.5
-_ELEVATION_DEG: Final = 1.0
-_REACH_DEG: Final = 3.0
-_NUM_AZIMUTHS: Final = round(360 / _AZIMUTH_DEG)
-_NUM_ELEVATIONS: Final = round(180 / _ELEVATION_DEG)
-_NUM_REACHED: Final = round(_REACH_DEG / _ELEVATION_DEG)
-_AZIMUTHS_PER_RAD: Final = np.float32(180 / np.pi / _AZIMUTH_DEG)
-_ELEVATIONS_PER_RAD: Final = np.float32(180 / np.pi / _ELEVATION_DEG)
+NUM_AZIMUTHS: Final = 720
+_NUM_ELEVATIONS: Final = 180
+_NUM_REACHED: Final = 3
 # Of the odd polynomial that is nearest to the arctangent from 0 to 1, highest power first.
 _ARCTAN: Final = tuple(
     map(np.float32, (-0.011719, 0.052647, -0.116426, 0.19354, -0.332623, 0.999977))
@@ -48,25 +43,10 @@ class RangeView:
         around = self._nearest_around[cells]
         return np.isfinite(around) & (around > ranges + _margins(ranges))
 
-    def are_hidden(
-        self,
-        positions: NDArray[np.float32],
-        own_ranges: NDArray[np.float32] | None = None,
-        own_reach_m: float = 0.0,
-    ) -> NDArray[np.bool_]:
-        """Returns (P,) which places are behind a surface.
-
-        Args:
-            positions: (P, 3) metres, sensor frame.
-            own_ranges: (P,) metres, of surfaces that do not count.
-            own_reach_m: How far from those a return is one of theirs.
-        """
+    def are_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
         cells, ranges = _directions(np.ascontiguousarray(positions))
-        nearest = self._nearest[cells]
-        is_hidden = nearest + _margins(ranges) < ranges
-        if own_ranges is not None:
-            is_hidden &= np.abs(nearest - own_ranges) > own_reach_m
-        return is_hidden
+        return self._nearest[cells] + _margins(ranges) < ranges
 
 
 def _margins(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -100,21 +80,21 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
         x, y, z = values[3 * row], values[3 * row + 1], values[3 * row + 2]
         flat = np.sqrt(x * x + y * y)
         ranges[row] = np.sqrt(flat * flat + z * z)
-        azimuth = (_angle(y, x) + np.float32(np.pi)) * _AZIMUTHS_PER_RAD
-        elevation = (_angle(z, flat) + np.float32(np.pi / 2)) * _ELEVATIONS_PER_RAD
+        azimuth = (_angle(y, x) + np.float32(np.pi)) * np.float32(NUM_AZIMUTHS / (2 * np.pi))
+        elevation = (_angle(z, flat) + np.float32(np.pi / 2)) * np.float32(_NUM_ELEVATIONS / np.pi)
         # What is not a number is in the last cell, too.
-        is_across = (azimuth >= 0) & (azimuth < _NUM_AZIMUTHS)
+        is_across = (azimuth >= 0) & (azimuth < NUM_AZIMUTHS)
         is_up = (elevation >= 0) & (elevation < _NUM_ELEVATIONS)
-        across = np.int32(azimuth) if is_across else np.int32(_NUM_AZIMUTHS - 1)
+        across = np.int32(azimuth) if is_across else np.int32(NUM_AZIMUTHS - 1)
         up = np.int32(elevation) if is_up else np.int32(_NUM_ELEVATIONS - 1)
-        cells[row] = up * np.int32(_NUM_AZIMUTHS) + across
+        cells[row] = up * np.int32(NUM_AZIMUTHS) + across
     return cells, ranges
 
 
 @compiled("float32[::1](int32[::1], float32[::1])")
 def _nearest(cells: NDArray[np.int32], ranges: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (all cells,) the shortest of the ranges (N,) in each cell; infinity without one."""
-    nearest = np.full(_NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
+    nearest = np.full(NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
     for row in range(len(cells)):
         nearest[cells[row]] = min(nearest[cells[row]], ranges[row])
     return nearest
@@ -129,15 +109,15 @@ def _nearest_around(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     around = np.full(len(nearest), np.inf, np.float32)
     for up in range(_NUM_ELEVATIONS):
-        row = up * _NUM_AZIMUTHS
-        for across in range(_NUM_AZIMUTHS):
+        row = up * NUM_AZIMUTHS
+        for across in range(NUM_AZIMUTHS):
             cell = row + across
-            left, right = row + (across - 1) % _NUM_AZIMUTHS, row + (across + 1) % _NUM_AZIMUTHS
+            left, right = row + (across - 1) % NUM_AZIMUTHS, row + (across + 1) % NUM_AZIMUTHS
             shortest = min(nearest[cell], nearest[left], nearest[right])
             num_sides = 0
             for side in (-1, 1):
                 for step in range(1, _NUM_REACHED + 1):
-                    other = cell + side * step * _NUM_AZIMUTHS
+                    other = cell + side * step * NUM_AZIMUTHS
                     if not 0 <= other < len(nearest):
                         break
                     if nearest[other] < np.inf:

@@ -42,7 +42,7 @@ class Reasons:
         number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
         if number == 0:
             return Reason(Verdict.NO_OBJECT)
-        num_points = int(np.count_nonzero(current.thinned_objects == number))
+        num_points = int(current.counts[number])
         fitted = self._row(self.decision.fitted.objects, number)
         searched = self._row(self.decision.searched.objects, number)
         motion, start, evidence = None, None, {}
@@ -93,7 +93,7 @@ class Reasons:
             SweepTerms(
                 age_s=_age_s(target),
                 points=_points_around(own, target),
-                static=_match(own, target, no_motion, motion),
+                static=_match(own, target, no_motion),
                 moving=None if motion is None else _match(own, target, motion),
             )
             for target in (*self.scene.targets.near, *self.scene.targets.past)
@@ -116,12 +116,8 @@ def _match(
     objects: ObjectPoints,
     target: Target,
     motion: NDArray[np.float32],
-    other: NDArray[np.float32] | None = None,
 ) -> Match:
-    """Compares the only object, moved by (3,) metres to the next sweep, with a target.
-
-    `other`: what it moves by else, see `Target.limits_m`.
-    """
+    """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
     positions = objects.positions + target.shifts(objects, motion[None])
     places = transformed(positions, target.from_current)
     nearest = target.sweep.grid.nearest(places)
@@ -133,6 +129,5 @@ def _match(
         [PointState.HIT, PointState.FREE, PointState.HIDDEN],
         PointState.UNCLEAR,
     )
-    others = None if other is None else other[None]
-    residual_m = float(target.residuals(objects, motion[None], others=others)[0])
+    residual_m = float(target.residuals(objects, motion[None])[0])
     return Match(positions, states.astype(np.uint8), residual_m)

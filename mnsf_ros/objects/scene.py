@@ -2,7 +2,7 @@
 """The three sweeps of one estimate, seen from the middle one."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,7 @@ class Scene:
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
         current = split(current, past)
+        near, past = ([replace(one, current=current) for one in each] for each in (near, past))
         tracks = memory.expected(current.sweep.stamp_ns, interval_s)
         return cls(current, Targets(near, past), tracks, interval_s, start, settings.min_points)
 
@@ -132,8 +133,7 @@ class Scene:
     def _are_loose(self, doubtful: ObjectPoints) -> NDArray[np.bool_]:
         """Returns the mask (all objects,) of those that are doubtful or too small to be fitted."""
         current = self.current
-        counts = np.bincount(current.thinned_objects, minlength=current.num_objects)
-        are_loose = counts < self.min_points
+        are_loose = current.counts < self.min_points
         are_loose[doubtful.numbers] = True
         are_loose[0] = False
         return are_loose

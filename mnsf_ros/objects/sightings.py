@@ -17,11 +17,9 @@ from mnsf_ros.objects.point_grid import REACH_M
 
 # Standard deviation of a motion.
 _MOTION_M: Final = 0.03
-# Of the middle of the visible points: of a person, and by how much of its length that of a vehicle
-# shifts when another side comes into view.
-_PLACE_M: Final = 0.05
-_PLACE_SHARE: Final = 0.3
-_SMALL_M: Final = 0.6
+# Of the middle of the visible points, as a share of the length: it shifts when another side comes
+# into view.
+_PLACE_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +77,7 @@ class Sightings:
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         # Of points spread evenly over a length, the standard deviation is its 0.29th part.
         lengths = spread.max(axis=1, initial=0.0) / 0.29
-        place_errors = _PLACE_M + _PLACE_SHARE * np.maximum(lengths - _SMALL_M, 0.0)
+        place_errors = _PLACE_SHARE * lengths
         velocity_errors = np.full(number, _MOTION_M / interval_s)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)

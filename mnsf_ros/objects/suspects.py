@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects may move: those that other sweeps do not support as static."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,10 +12,8 @@ from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
-# An object that an older sweep explains as well as this without motion is not a suspect.
-_MIN_PAST_M: Final = 0.05
-# The same for a neighbouring sweep, where there are no older ones.
-_MIN_NEAR_M: Final = 0.025
+# An object that another sweep explains as well as this without motion is not a suspect.
+_MIN_RESIDUAL_M: Final = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +23,7 @@ class Suspects:
     Attributes:
         rows: (K,) int, which of all objects they are.
         objects: Their points.
-        standing: How well they are explained as static.
+        standing: How well a few points of each are explained as static.
         expected: What tracks expect of them.
     """
 
@@ -39,24 +37,21 @@ class Suspects:
         """Returns the objects that no older sweep supports as static, and those with a track.
 
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
-        one sweep does not show may be hidden.
+        one sweep does not show may be hidden. And those beside which something is gone: of a long
+        side that slides along itself only the ends change.
         """
-        some, limit_m = objects.thinner(), _MIN_PAST_M if targets.past else _MIN_NEAR_M
+        some = objects.thinner()
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
         # The oldest first: it decides most objects, and few remain for the other sweeps.
         for target in reversed(targets.past or targets.near):
             open_ = is_suspect & ~expected.is_known
             left_m = target.residuals(some.only(open_), no_motion[open_])
-            is_suspect[open_] = left_m > limit_m
-        own = objects.only(is_suspect)
-        standing = judge(own, targets, no_motion[is_suspect])
-        return cls(np.flatnonzero(is_suspect), own, standing, expected.only(is_suspect))
-
-    @property
-    def has_past(self) -> bool:
-        """Whether there are older sweeps."""
-        return self.standing.past.shape[1] > 0
+            is_suspect[open_] = left_m > _MIN_RESIDUAL_M
+            is_suspect |= np.isin(objects.numbers, target.objects_beside_gone)
+        standing = judge(some.only(is_suspect), targets, no_motion[is_suspect])
+        rows, own = np.flatnonzero(is_suspect), objects.only(is_suspect)
+        return cls(rows, own, standing, expected.only(is_suspect))
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -68,16 +63,6 @@ class Suspects:
             ranges = (self.objects.centers**2).sum(axis=1)
             is_first[np.lexsort((ranges, self.expected.scores <= 0))[number:]] = False
         return is_first
-
-    def rather_than(self, moving: JudgedMotions, targets: Targets) -> "Suspects":
-        """Returns them with what standing explains instead of motions.
-
-        Where an object approaches or goes away it hides its own place in one of the neighbouring
-        sweeps: if it moves, that is no excuse for the other hypothesis.
-        """
-        no_motion = np.zeros_like(moving.motions)
-        standing = judge(self.objects, targets, no_motion, others=moving.motions)
-        return replace(self, standing=standing)
 
     def only(self, wanted: NDArray[np.bool_]) -> "Suspects":
         """Returns the objects of the (K,) mask."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.objects.range_view import NUM_AZIMUTHS
 
-_NUM_AZIMUTHS: Final = 720
 # Points of one direction that were measured later than the first by this share of the sweep were
 # seen again.
 _AGAIN_SHARE: Final = 0.5
@@ -45,15 +45,15 @@ class SweepClock:
             return None
         cells = _azimuths(xyz)
         span_s = float(times_s.max()) - float(times_s.min())
-        first = np.full(_NUM_AZIMUTHS, np.inf, np.float32)
+        first = np.full(NUM_AZIMUTHS, np.inf, np.float32)
         np.minimum.at(first, cells, times_s)
         is_again = times_s > first[cells] + np.float32(_AGAIN_SHARE * span_s)
         own_cells, own_s = cells[~is_again], times_s[~is_again]
-        counts = np.bincount(own_cells, minlength=_NUM_AZIMUTHS)
-        means = np.bincount(own_cells, own_s, _NUM_AZIMUTHS) / np.maximum(counts, 1)
+        counts = np.bincount(own_cells, minlength=NUM_AZIMUTHS)
+        means = np.bincount(own_cells, own_s, NUM_AZIMUTHS) / np.maximum(counts, 1)
         if np.abs(own_s - means[own_cells]).mean() > _MAX_SPREAD * span_s:
             return None
-        num_again = np.count_nonzero(np.bincount(cells[is_again], minlength=_NUM_AZIMUTHS))
+        num_again = np.count_nonzero(np.bincount(cells[is_again], minlength=NUM_AZIMUTHS))
         if num_again > _MAX_AGAIN * np.count_nonzero(counts):
             return None
         revolution_s = 0.0
@@ -92,13 +92,13 @@ class SweepClock:
 def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:
     """Returns (N,) the azimuth of points (N, 3) as a cell from 0 to 719."""
     angles = np.arctan2(xyz[:, 1], xyz[:, 0])
-    scaled = (angles + np.float32(np.pi)) * np.float32(_NUM_AZIMUTHS / (2 * np.pi))
-    return np.minimum(scaled.astype(np.int64), _NUM_AZIMUTHS - 1)
+    scaled = (angles + np.float32(np.pi)) * np.float32(NUM_AZIMUTHS / (2 * np.pi))
+    return np.minimum(scaled.astype(np.int64), NUM_AZIMUTHS - 1)
 
 
 def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Returns (720,) the nearest azimuth that has points."""
     filled = np.flatnonzero(is_filled)
-    gaps = np.arange(_NUM_AZIMUTHS)[:, None] - filled
-    half = _NUM_AZIMUTHS // 2
-    return filled[np.abs((gaps + half) % _NUM_AZIMUTHS - half).argmin(axis=1)]
+    gaps = np.arange(NUM_AZIMUTHS)[:, None] - filled
+    half = NUM_AZIMUTHS // 2
+    return filled[np.abs((gaps + half) % NUM_AZIMUTHS - half).argmin(axis=1)]

@@ -13,7 +13,7 @@ from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.point_grid import REACH_M
+from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to the reach, that of one behind what the sweep saw to this:
@@ -97,10 +97,22 @@ class Target:
         is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
 
-    def free_shares(
-        self, objects: ObjectPoints, motions: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
-        """Returns (K,) shares of each object's points that are in free space of the sweep.
+    @cached_property
+    def gone(self) -> NDArray[np.float32]:
+        """(G, 3) metres, current frame, points of what may move whose places are free by now."""
+        may_move = self.sweep.may_move[self.sweep.thinned_objects]
+        points = chosen_points(self.sweep.thinned, may_move)
+        is_gone = Target(self.current, self.to_current, 1.0, self.sweep).are_new(points)
+        return transformed(chosen_points(points, is_gone), self.to_current)
+
+    @cached_property
+    def objects_beside_gone(self) -> NDArray[np.int64]:
+        """The numbers of the objects of the current sweep that are beside points that are gone."""
+        nearest = self.current.grid.nearest(self.gone)
+        return self.current.thinned_objects[nearest[nearest >= 0]]
+
+    def num_free(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Returns (K,) how many points of each object are in free space of the sweep.
 
         Args:
             objects: K objects.
@@ -108,28 +120,30 @@ class Target:
         """
         moved = objects.positions + self.shifts(objects, motions)[objects.owners]
         free = self.sweep.view.are_free(transformed(moved, self.from_current))
-        return np.asarray(objects.sums(free.astype(np.int64)) / objects.counts, np.float64)
+        return np.asarray(objects.sums(free.astype(np.int64)), np.int64)
+
+    def rows_of_gone(self, places: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Returns (M,) for each point that is `gone` and near a place the row of that place.
+
+        Args:
+            places: (P, 3) metres, current frame.
+        """
+        nearest = PointGrid(places).nearest(self.gone, _NEAR_M)
+        return nearest[nearest >= 0]
 
     def limits_m(
         self,
         objects: ObjectPoints,
         flows: NDArray[np.float32],
-        others: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
         """Returns (P,) metres, the largest residuals of points with flows to this sweep.
 
         Args:
             objects: Of P points.
             flows: (P, 3) metres, how far they are moved.
-            others: (P, 3) metres, how far they are otherwise; what an object itself hides then is
-                not hidden.
         """
         places = transformed(objects.positions + flows, self.from_current)
-        own_ranges = None
-        if others is not None:
-            there = transformed(objects.positions + others, self.from_current)
-            own_ranges = np.sqrt((there**2).sum(axis=1))
-        is_hidden = self.sweep.view.are_hidden(places, own_ranges, REACH_M)
+        is_hidden = self.sweep.view.are_hidden(places)
         return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(REACH_M))
 
     def residuals(
@@ -137,7 +151,6 @@ class Target:
         objects: ObjectPoints,
         motions: NDArray[np.float32],
         most_m: NDArray[np.float64] | None = None,
-        others: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float64]:
         """How far moved objects are from the target, beyond the spacing of its points.
 
@@ -145,20 +158,18 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
             most_m: (K,) metres; residuals above need not be exact.
-            others: (K, 3) metres, motions instead of these, see `limits_m`.
 
         Returns:
             (K,) metres, mean over each object's points, truncated, and sooner where hidden.
         """
         shifts = self.shifts(objects, motions)
-        other_flows = None if others is None else self.shifts(objects, others)[objects.owners]
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
             shifts,
             self.from_current,
             objects.spacing,
-            self.limits_m(objects, shifts[objects.owners], other_flows),
+            self.limits_m(objects, shifts[objects.owners]),
             None if most_m is None else most_m * objects.counts,
         )
         return np.asarray(sums / objects.counts, np.float64)

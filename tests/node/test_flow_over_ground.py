@@ -93,7 +93,7 @@ def test_velocity_is_over_ground_in_metres_per_second(street_peer, clouds):
     velocities = velocity_columns(flow)[-POINTS_PER_CAR:][is_moving]
     expected = 10 * CAR_STEP_M * path(2)[0, :3]
     # A few sparse points at an end of the car may be an object of their own.
-    assert (np.abs(velocities - expected).max(axis=1) < 0.5).mean() > 0.95
+    assert (np.abs(velocities - expected).max(axis=1) < 0.4).mean() > 0.95
     # The flow itself has the sensor's motion in it: the car drives ahead of it slowly.
     ahead = flow_columns(flow)[-POINTS_PER_CAR:][is_moving]
     assert np.median(ahead[:, 0]) == pytest.approx(CAR_STEP_M - STEP_M, abs=0.08)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, rows, surface, target
 
-from mnsf_ros.objects.decision import evidence, moves, moving_scores
+from mnsf_ros.objects.decision import evidence, free_space, moves, moving_scores
 from mnsf_ros.objects.motion_fusion import judge
 from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.suspects import Suspects
@@ -37,14 +37,26 @@ def test_hidden_place_says_little(parts, least, most):
     assert least < away.residuals(objects_of(current), rows((0, 0, 0)))[0] <= most
 
 
-@pytest.mark.parametrize("motion", [(-2.5, 0, 0), (0, 2.5, 0)], ids=["nearer", "aside"])
-def test_object_is_no_excuse_for_the_place_that_it_hides(motion):
-    current = prepared(plate(12))
-    targets = Targets([target(prepared(plate(12) + motion), current)], [])
-    suspects = suspects_of(targets, objects_of(current))
-    moving = judge(suspects.objects, targets, rows(motion))
-    assert suspects.standing.cost[0] < 0.11 or motion[1]
-    assert suspects.rather_than(moving, targets).standing.cost[0] > 0.4
+def slid(y_m=0.0):
+    """A long side in front of a wall, slid along itself by so many metres."""
+    return prepared(
+        np.concatenate([plate(12, y_m + middle) for middle in (-4, -2, 0, 2, 4)]),
+        *(plate(20, middle) for middle in range(-16, 17, 2)),
+    )
+
+
+def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
+    current, motion = slid(), rows((0, -0.4, 0))
+    targets = Targets([target(slid(step * 0.4), current, -step) for step in (-1, 1)], [])
+    objects = objects_of(current, max_size_m=20.0)
+    nearest = objects.centers[:, 0] < 15
+    expected = Expectation(np.zeros(len(objects), np.bool_), 0 * objects.centers, 0.0 * nearest)
+    assert Suspects.among(objects, targets, expected).rows == np.flatnonzero(nearest)
+    side = objects.only(nearest)
+    assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
+    assert free_space(side, targets, motion)[0] > 10 * max(
+        *free_space(side, targets, 0 * motion), *free_space(side, targets, -motion), 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,11 +71,12 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
         suspects_of(targets, objects_of(current), motion, each) for each in (odds, 0.0)
     )
     moving = judge(suspects.objects, targets, rows(motion))
-    features = evidence(suspects, moving, np.zeros(1), np.zeros(1, np.bool_))
-    bias = moving_scores(evidence(without, moving, np.zeros(1), np.zeros(1, np.bool_)))
+    standing, nothing = suspects.standing, (np.zeros(1), np.zeros(1, np.bool_))
+    features = evidence(suspects, standing, moving, *nothing)
+    bias = moving_scores(evidence(without, standing, moving, *nothing))
     # The evidence of this sweep alone is just not enough; a track that went wrong says nothing.
     scores = moving_scores(features) - bias - 1.0
-    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(max(odds, 0.0), 5.0))
+    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(max(odds, 0.0), 8.0))
     may_move, is_moving = moves(moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called
