@@ -17,7 +17,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.65, 0.95, 0.9, 0.8, -2.17, -0.61, -0.58, 0.32)
+_WEIGHTS: Final = (-2.75, 1.0, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
@@ -114,10 +114,10 @@ def evidence(
     """Returns (K, 8) features for and against the motions of K objects.
 
     These are: 1; whether there are no older sweeps; the logarithm of the number of points in free
-    space; the odds so far; the logarithm of the metres of the motion and one more. And the
-    logarithm of the share of the residual that the motion leaves in the neighbouring sweeps, plus
-    that of the older ones: times the logarithm of the thickness, if a track expected the motion,
-    and times the metres from the sensor up to its top.
+    space; the odds so far; the logarithm of one metre more than a motion that no track expected.
+    And the logarithm of the share of the residual that the motion leaves in the neighbouring
+    sweeps, plus that of the older ones: times the logarithm of the thickness, if a track expected
+    the motion, and times the metres from the sensor up to its top.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
@@ -140,7 +140,7 @@ def evidence(
         np.full(len(suspects), not has_past),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
         np.clip(expected.scores, 0.0, _MAX_ODDS),
-        np.log1p(lengths),
+        np.log1p(lengths) * ~is_same,
         shares * thicknesses,
         shares * is_same,
         shares * objects.tops,
