@@ -7,10 +7,8 @@ Means over worlds, see movers.py, which makes them. A rule that buys nothing on 
 not made for should go.
 """
 
-import multiprocessing
 import os
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +18,7 @@ import numpy as np
 import pandas as pd
 from drives import kept_world
 from frame import Table, make_parser, publish
-from movers import CACHE, DURATION_S
+from movers import CACHE, DURATION_S, in_processes
 from world_scores import world_score
 
 from mnsf_ros.objects import (
@@ -33,7 +31,6 @@ from mnsf_ros.objects import (
     target,
 )
 from mnsf_ros.objects.encoded_field import whole
-from mnsf_ros.objects.suspects import Suspects
 
 _FIGURES: Final = {
     "recall": "recall",
@@ -63,10 +60,10 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "reach above the sensor": _without_term(7),
     "followed before it is called": (decision, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
-    "what hides itself": (Suspects, "rather_than", lambda self, *_: self),
+    "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "splitting": (splitting, "_PEDESTRIAN_M", 0.0),
     "attachments": (scene, "attached", lambda *_: _NONE),
-    "turning": (object_flow, "turning", lambda movers, motions, targets: whole(motions)),
+    "turning": (object_flow, "turning", lambda movers, motions, *_: whole(motions)),
     "longer steps of fits": (motion_field, "_STEP", 1.0),
     "no steep motion": (motion_field, "_STEEPEST", np.float32(9)),
     "no small vertical motion": (motion_fusion, "_LEVEL_M", 0.0),
@@ -86,11 +83,7 @@ def main() -> None:
 
 
 def _tables(seeds: range, num_workers: int, cache: Path) -> Iterator[Table]:
-    for name in ("OMP", "OPENBLAS", "NUMBA"):
-        os.environ.setdefault(f"{name}_NUM_THREADS", "1")
-    # Not fork: compiled loops may have threads.
-    with ProcessPoolExecutor(num_workers, multiprocessing.get_context("spawn")) as pool:
-        worlds = list(pool.map(_figures, seeds, [cache] * len(seeds)))
+    worlds = in_processes(_figures, [(seed, cache) for seed in seeds], num_workers)
     means = pd.concat(worlds).groupby(level=0, sort=False).mean()
     rows = [[name, *(f"{value:.3f}" for value in line)] for name, line in means.iterrows()]
     title = f"Random worlds, seeds {seeds[0]} to {seeds[-1]}, means: without"

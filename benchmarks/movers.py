@@ -14,10 +14,10 @@ import math
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -113,18 +113,25 @@ def kitti_tables(half: str) -> Iterator[Table]:
     )
 
 
-def world_scores(seeds: Sequence[int], num_workers: int, cache: Path) -> list[WorldScore]:
-    """Scores of random worlds in the order of their seeds, and of some in which nothing moves."""
+def in_processes(
+    work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], num_workers: int
+) -> list[Any]:
+    """Results of work on each of the tasks, in their order."""
     for name in ("OMP", "OPENBLAS", "NUMBA"):
         os.environ.setdefault(f"{name}_NUM_THREADS", "1")
-    tasks = [(seed, "random") for seed in seeds]
-    tasks += [(seed, _STANDING) for seed in seeds[::_STANDING_EVERY]]
     # Not fork: compiled loops may have threads.
     with ProcessPoolExecutor(num_workers, multiprocessing.get_context("spawn")) as pool:
-        futures = [pool.submit(_score, *task, cache) for task in tasks]
+        futures = [pool.submit(work, *task) for task in tasks]
         for _ in track(as_completed(futures), "worlds", total=len(futures), transient=True):
             pass
     return [future.result() for future in futures]
+
+
+def world_scores(seeds: Sequence[int], num_workers: int, cache: Path) -> list[WorldScore]:
+    """Scores of random worlds in the order of their seeds, and of some in which nothing moves."""
+    tasks = [(seed, "random", cache) for seed in seeds]
+    tasks += [(seed, _STANDING, cache) for seed in seeds[::_STANDING_EVERY]]
+    return in_processes(_score, tasks, num_workers)
 
 
 def _score(seed: int, scenario: str, cache: Path) -> WorldScore:

@@ -119,7 +119,7 @@ def _object_terms(reason: Reason, interval_s: float) -> Iterator[tuple[str, str]
         moving = "" if one.moving is None else f"; if it moves {_match_text(one.moving)}"
         yield f"Sweep at {one.age_s:+.1f} s", f"if static {_match_text(one.static)}{moving}"
     for name, value in reason.evidence.items():
-        yield f"Evidence, {name}", f"{value:.3f}"
+        yield f"Evidence, {name}", f"{value:.3g}"
 
 
 def vector_text(vector: NDArray[np.float64]) -> str:

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.rigid_motion import transformed
@@ -52,8 +53,8 @@ class Reasons:
             motion = self.decision.moving.motions[fitted]
             score = self.decision.scores[fitted]
             evidence = {
-                "free space": float(self.decision.free[fitted]),
-                "probability": float(1 / (1 + np.exp(-score))),
+                "points new or gone": float(self.decision.free[fitted]),
+                "probability": float(expit(score)),
             }
         return Reason(
             self._verdict(number, num_points, fitted),
