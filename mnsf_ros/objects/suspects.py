@@ -40,15 +40,16 @@ class Suspects:
         one sweep does not show may be hidden. And those beside which something is gone: of a long
         side that slides along itself only the ends change.
         """
-        some = objects.thinner()
+        some, others = objects.thinner(), targets.past or targets.near
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
         # The oldest first: it decides most objects, and few remain for the other sweeps.
-        for target in reversed(targets.past or targets.near):
+        for target in reversed(others):
             open_ = is_suspect & ~expected.is_known
             left_m = target.residuals(some.only(open_), no_motion[open_])
             is_suspect[open_] = left_m > _MIN_RESIDUAL_M
-            is_suspect |= np.isin(objects.numbers, target.objects_beside_gone)
+        changed = np.concatenate([target.objects_beside_gone for target in others])
+        is_suspect |= np.isin(objects.numbers, changed)
         standing = judge(some.only(is_suspect), targets, no_motion[is_suspect])
         rows, own = np.flatnonzero(is_suspect), objects.only(is_suspect)
         return cls(rows, own, standing, expected.only(is_suspect))

@@ -105,7 +105,7 @@ class Target:
         is_gone = Target(self.current, self.to_current, 1.0, self.sweep).are_new(points)
         return transformed(chosen_points(points, is_gone), self.to_current)
 
-    @cached_property
+    @property
     def objects_beside_gone(self) -> NDArray[np.int64]:
         """The numbers of the objects of the current sweep that are beside points that are gone."""
         nearest = self.current.grid.nearest(self.gone)
@@ -131,11 +131,7 @@ class Target:
         nearest = PointGrid(places).nearest(self.gone, _NEAR_M)
         return nearest[nearest >= 0]
 
-    def limits_m(
-        self,
-        objects: ObjectPoints,
-        flows: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
+    def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (P,) metres, the largest residuals of points with flows to this sweep.
 
         Args:
