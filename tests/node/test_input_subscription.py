@@ -19,6 +19,8 @@ from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 def wait_until_gone(peer):
     peer.stop_advertising()
     peer.spin_until(lambda: peer.values("input")["publishers"] == "0", "the publisher to be gone")
+    # The subscription looks a moment later than diagnostics, and numbers begin anew only then.
+    peer.spin_until(lambda: peer.values("input")["reliability"] == "best_effort", "the way back")
 
 
 @pytest.mark.parametrize(
@@ -29,9 +31,6 @@ def test_it_follows_a_publisher_that_comes_back(peer, drive, first, second):
     before = peer.process.log.count("incompatible QoS")
     for reliable in (first, second):
         wait_until_gone(peer)
-        peer.spin_until(
-            lambda: peer.values("input")["reliability"] == "best_effort", "the way back"
-        )
         peer.advertise(reliable=reliable)
         peer.wait_for_node("reliable" if reliable else "best_effort")
     peer.flow_amid(drive.sweeps(0, 1, 2))
@@ -110,6 +109,7 @@ def test_the_first_clouds_of_a_publisher_that_has_just_appeared_are_missed():
 @pytest.fixture
 def deserted(peer):
     """The peer while it publishes nothing; it does again for the other tests."""
+    peer.wait_for_node("reliable")
     wait_until_gone(peer)
     yield peer
     peer.advertise(reliable=True)
