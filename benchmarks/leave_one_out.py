@@ -54,7 +54,7 @@ _NONE: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
 _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "free space": _without_term(2),
     "odds so far": _without_term(3),
-    "length of what is new": _without_term(4),
+    "length of a motion": _without_term(4),
     "thickness": _without_term(5),
     "agreement with a track": _without_term(6),
     "reach above the sensor": _without_term(7),

@@ -40,9 +40,7 @@ def attached(
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    row_of = movers.rows_of(current.num_objects)
-    is_own = row_of[current.thinned_objects] >= 0
-    points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
+    points, point_rows = movers.all_points(current)
     candidates, num_loose = _points_near(points, current, owners, is_loose)
     nearest = PointGrid(points).nearest(np.take(current.xyz, candidates, axis=0))
     is_close = nearest >= 0

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
@@ -91,9 +90,7 @@ def free_space(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
     """
-    current = targets.near[0].current
-    owners = objects.rows_of(current.num_objects)[current.thinned_objects]
-    points, owners = chosen_points(current.thinned, owners >= 0), owners[owners >= 0]
+    points, owners = objects.all_points(targets.near[0].current)
     free = np.zeros(len(objects))
     for target in (*targets.past, *targets.near):
         free += target.num_free(objects, np.zeros_like(motions))
@@ -128,7 +125,8 @@ def evidence(
         free: (K,) see `free_space`.
         are_parts: (K,) whether they were cut out of long objects.
     """
-    objects, expected, has_past = suspects.objects, suspects.expected, moving.past.shape[1] > 0
+    objects, expected = suspects.objects, suspects.expected
+    has_past = moving.past.shape[1] > 0
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
     shares = _log_share(moving.cost, standing.cost)

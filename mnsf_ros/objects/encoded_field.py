@@ -187,11 +187,9 @@ def turning(
     things = movers.joined(groups)
     sums = np.zeros((len(things), 3))
     np.add.at(sums, groups, motions * movers.counts[:, None])
-    straight = whole((sums / things.counts[:, None]).astype(np.float32))
-    steps = {
-        target: target.steps_of(things, straight[:, 0].astype(np.float32))
-        for target in targets.near
-    }
+    means = (sums / things.counts[:, None]).astype(np.float32)
+    straight = whole(means)
+    steps = {target: target.steps_of(things, means) for target in targets.near}
     points = EncodedPoints(things, things.centers, steps)
     bent = np.mean([points.fitted(target, straight) for target in targets.near], axis=0)
     stiff = straight.copy()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.settings import ObjectSettings
 
@@ -59,6 +60,11 @@ class ObjectPoints:
         rows[self.numbers] = np.arange(len(self))
         return rows
 
+    def all_points(self, sweep: ObjectSweep) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these."""
+        rows = self.rows_of(sweep.num_objects)[sweep.thinned_objects]
+        return chosen_points(sweep.thinned, rows >= 0), rows[rows >= 0]
+
     def only(self, wanted: NDArray[np.bool_]) -> "ObjectPoints":
         """Returns the objects of the (K,) mask."""
         owners = (np.cumsum(wanted) - 1)[self.owners]
@@ -75,7 +81,10 @@ class ObjectPoints:
         )
 
     def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":
-        """Returns the objects of each group (K,), numbers from 0 to G - 1, as one object."""
+        """Returns the objects of each group (K,), numbers from 0 to G - 1, as one object.
+
+        Its points are not in the order of their heights.
+        """
         order = np.argsort(groups[self.owners], kind="stable")
         _, first = np.unique(groups, return_index=True)
         return self._with_points(order, self.numbers[first], groups[self.owners])
