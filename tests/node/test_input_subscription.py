@@ -11,16 +11,10 @@ from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.node import subscriptions
 from mnsf_ros.node.raw_topics import RawTopics, only_cloud_topic
 from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
-
-
-def wait_until_gone(peer):
-    peer.stop_advertising()
-    peer.spin_until(lambda: peer.values("input")["publishers"] == "0", "the publisher to be gone")
-    # The subscription looks a moment later than diagnostics, and numbers begin anew only then.
-    peer.spin_until(lambda: peer.values("input")["reliability"] == "best_effort", "the way back")
 
 
 @pytest.mark.parametrize(
@@ -29,8 +23,10 @@ def wait_until_gone(peer):
 def test_it_follows_a_publisher_that_comes_back(peer, drive, first, second):
     # A warning of an incompatible subscription would be gone a moment later.
     before = peer.process.log.count("incompatible QoS")
+    gone = {"publishers": "0", "reliability": "best_effort"}.items()
     for reliable in (first, second):
-        wait_until_gone(peer)
+        peer.stop_advertising()
+        peer.spin_until(lambda: gone <= peer.values("input").items(), "the publisher to be gone")
         peer.advertise(reliable=reliable)
         peer.wait_for_node("reliable" if reliable else "best_effort")
     peer.flow_amid(drive.sweeps(0, 1, 2))
@@ -106,31 +102,32 @@ def test_the_first_clouds_of_a_publisher_that_has_just_appeared_are_missed():
     assert [counter.before(number, 1) for number in (32, 33, 35)] == [31, 0, 1]
 
 
-@pytest.fixture
-def deserted(peer):
-    """The peer while it publishes nothing; it does again for the other tests."""
-    peer.wait_for_node("reliable")
-    wait_until_gone(peer)
-    yield peer
-    peer.advertise(reliable=True)
-
-
-def test_clouds_before_a_publisher_was_found_are_counted(deserted, drive):
-    def num_counted():
-        return deserted.num_clouds + deserted.count("clouds_missed")
-
-    before = num_counted()
+def test_clouds_before_a_publisher_was_found_are_counted(ros, monkeypatch):
+    monkeypatch.setattr(subscriptions, "_DISCOVERY_S", 0.0)
+    listener = Spinner("listener")
+    received, missed = [], []
+    subscription = InputSubscription(
+        listener.node,
+        "~/points",
+        "reliable",
+        received.append,
+        lambda _event, _text, how_many: missed.append(how_many),
+    )
+    assert subscription.num_publishers == 0
+    subscription.refresh()
     with RawTopics("lidar_of_another_process") as lidar:
-        publisher = lidar.publisher(deserted.points_topic, CLOUD_TYPE)
-        # Usually the node does not know of the publisher yet, and hears none of these.
+        publisher = lidar.publisher(subscription.topic, CLOUD_TYPE)
+        # Usually the listener does not know of the publisher yet, and hears none of these.
         for _ in range(5):
-            publisher.publish(drive.sweep(0))
+            publisher.publish(xyz_message(surfaces(0, 12), stamp_ns=10**9))
         # Each must know of the other: what is published between is heard by nobody, for ever.
-        found = {"publishers": "1", "reliability": "reliable"}.items()
-        deserted.spin_until(lambda: found <= deserted.values("input").items(), "the publisher")
-        deserted.spin_until(lambda: publisher.get_subscription_count() == 1, "the node")
-        publisher.publish(drive.sweep(1))
-        deserted.spin_until(lambda: num_counted() - before == 6, "six clouds to be counted")
+        listener.spin_until(
+            lambda: publisher.get_subscription_count() == subscription.num_publishers == 1, "both"
+        )
+        publisher.publish(xyz_message(surfaces(1, 12), stamp_ns=2 * 10**9))
+        listener.spin_until(lambda: received and received[-1].header.stamp.sec == 2, "the last")
+    listener.close()
+    assert len(received) + sum(missed) == 6
 
 
 class TestOnlyCloudTopic:
