@@ -67,16 +67,13 @@ class GroundSettings:
         True, "Exclude ground; disable only for clouds without it, else objects merge over it"
     )
     cell_size_m: float = declared(
-        0.5, "Cell size of the ground height map", 0.1, 10, tuned=(0.3, 1.0)
+        0.5, "Cell size of the map of the lowest points", 0.1, 10, tuned=(0.3, 1.0)
     )
     window_m: float = declared(
-        8.0, "Largest width of objects on the ground; wider structures count as terrain", 1, 50
-    )
-    max_slope: float = declared(
-        0.25, "Steepest slope of the ground, rise over run", 0, 1, tuned=(0.1, 0.5)
+        8.0, "Size of the windows in which ground is plane; smaller ones follow hills", 1, 50
     )
     margin_m: float = declared(
-        0.2, "Points lower than this above the height map are ground", 0.01, 2, tuned=(0.1, 0.4)
+        0.2, "Points lower than this above the planes are ground", 0.01, 2, tuned=(0.1, 0.4)
     )
 
 

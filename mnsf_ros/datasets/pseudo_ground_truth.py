@@ -14,7 +14,7 @@ from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigi
 from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
 from mnsf_ros.settings import GroundSettings
-from mnsf_ros.sweeps.kept_points import ground_mask
+from mnsf_ros.sweeps.ground_surface import ground_mask
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,10 @@ CAR = surface((8.0, 0.0, 0.0), size=(3.9, 1.8, 1.2), num_points=3000)
 FRAGMENT = surface((10.35, 0.0, 0.0), size=(0.08, 0.2, 0.4), num_points=60)
 
 
-def rows_of(*parts, is_loose=True, kept=None):
+def rows_of(*parts, is_loose=True, settings=SETTINGS):
     """(N,) what `attached` says if the first object moves and the others are loose."""
-    current = prepared(*parts)
-    if kept is not None:
-        current.kept = kept
-    objects = objects_of(current)
-    owners = current.objects() if kept is None else np.where(kept, 1, 0)
+    current = prepared(*parts, settings=settings)
+    objects, owners = objects_of(current), current.objects()
     first = objects.only(np.arange(len(objects)) == owners[0] - 1)
     loose = np.full(current.num_objects, is_loose)
     loose[[0, *first.numbers]] = False
@@ -66,27 +63,28 @@ def test_fragment_goes_with_the_nearer_of_two_movers():
 class TestBottoms:
     """Points that were taken for ground: the car's bottom at 0.15 m, the road at 0 below it."""
 
-    ROAD = rows(*((x, y, -0.8) for x in np.arange(5, 12, 0.2) for y in np.arange(-2, 2, 0.2)))
+    ROAD = rows(*((x, y, -0.8) for x in np.arange(5, 12, 0.2) for y in np.arange(-4, 4, 0.2)))
     BOTTOM = rows(*((x, 0.9, -0.65) for x in np.arange(6.2, 9.8, 0.1)))
 
     def found(self, road, bottom=BOTTOM):
         """The rows of the road's points and of the bottom's."""
-        parts = CAR, road, bottom
-        kept = np.arange(sum(map(len, parts))) < len(CAR)
-        return np.split(rows_of(*parts, kept=kept), np.cumsum([len(CAR), len(road)]))[1:]
+        on_ground = SETTINGS.changed({"ground.remove": True})
+        found = rows_of(CAR, road, bottom, settings=on_ground)
+        return np.split(found, np.cumsum([len(CAR), len(road)]))[1:]
 
-    @pytest.mark.parametrize(
-        ("beside_m", "up_m"), [(0.0, 0.0), (1.2, 0.25)], ids=["road below", "road beside"]
-    )
-    def test_the_bottom_goes_with_the_mover_and_the_road_does_not(self, beside_m, up_m):
+    @pytest.mark.parametrize("beside_m", [0.0, 1.2], ids=["road below", "road beside"])
+    def test_the_bottom_goes_with_the_mover_and_the_road_does_not(self, beside_m):
         is_seen = np.abs(self.ROAD[:, 1]) >= beside_m
-        road, bottom = self.found(self.ROAD[is_seen], self.BOTTOM + rows((0, 0, up_m)))
+        road, bottom = self.found(self.ROAD[is_seen])
         assert (bottom == 0).all()
         assert (road == -1).all()
 
-    def test_a_road_that_rises_does_not(self):
-        rise = np.float32(0.1) * (self.ROAD[:, :1] - np.float32(8.5))
-        road, _ = self.found(self.ROAD + rise * rows((0, 0, 1)))
+    def test_on_a_road_that_rises_too(self):
+        def raised(points):
+            return points + np.float32(0.1) * (points[:, :1] - np.float32(8.5)) * rows((0, 0, 1))
+
+        road, bottom = self.found(raised(self.ROAD), raised(self.BOTTOM))
+        assert (bottom == 0).all()
         assert (road == -1).all()
 
 

@@ -1,11 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Crop and ground. Defaults of the ground: 8 m window, 0.2 m margin."""
+"""Crop and ground. Defaults of the ground: cells of 0.5 m, 8 m window, 0.2 m margin."""
 
 import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.kept_points import crop_mask, ground_mask, kept_mask
+from mnsf_ros.sweeps.ground_surface import ground_mask, heights_above_ground
+from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 
 SETTINGS = Settings()
 GROUND = SETTINGS.ground
@@ -93,10 +94,11 @@ def without_floor(ground, x, y):
         lambda x, _: 0 * x + 500,
         lambda x, _: 0.1 * x,
         lambda x, y: 0.07 * x - 0.07 * y,
-        # At most 20 % steep, well below the 25 % of max_slope.
-        lambda x, _: 1.5 * np.sin(x / 7.5),
+        # 20 % steep, its crests bent with a radius of 75 m.
+        lambda x, _: 3 * np.sin(x / 15),
+        lambda x, _: 0.2 * np.maximum(x, 0),
     ],
-    ids=["plane", "slope", "diagonal slope", "hill"],
+    ids=["plane", "slope", "diagonal slope", "hill", "foot of a ramp"],
 )
 def test_terrain_with_noise_below_the_margin_is_ground(height):
     points = plane(height)
@@ -138,50 +140,97 @@ def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
     assert mask.tolist() == [True, False, True] * 3
 
 
-def slow_ground_mask(points, settings):
-    """The definition, cell by cell: the highest cone that stays below all points near it."""
-    cells = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / settings.cell_size_m)
+RINGS = np.radians(np.arange(-15, 0, 2))
+HEIGHT_M = 1.8
+
+
+def seen(distance_m):
+    """What eight beams see of flat ground, and of a car's rear, 1.8 m wide and 1.5 m high."""
+    azimuths, elevations = (axis.ravel() for axis in np.meshgrid(np.radians(range(360)), RINGS))
+    azimuths = azimuths / 5 + np.radians(-36)
+    ranges = -HEIGHT_M / np.tan(elevations)
+    forward = ranges * np.cos(azimuths)
+    at_car = distance_m / np.cos(azimuths)
+    is_beside = np.abs(distance_m * np.tan(azimuths)) > 0.9
+    is_above = HEIGHT_M + at_car * np.tan(elevations) > 1.5
+    is_car = (forward > distance_m) & ~is_beside & ~is_above
+    ranges = np.where(is_car, at_car, ranges)
+    directions = np.stack([np.cos(azimuths), np.sin(azimuths), np.tan(elevations)], axis=1)
+    return ranges[:, None] * directions, is_car
+
+
+@pytest.mark.parametrize("distance_m", [9.0, 13.0, 18.0, 25.0])
+def test_between_the_rings_of_few_beams_ground_is_where_it_is_beside_the_car(distance_m):
+    points, is_car = seen(distance_m)
+    ground = is_ground(points)
+    is_high = is_car & (points[:, 2] > MARGIN_M + 0.05 - HEIGHT_M)
+    assert is_high.sum() >= 10
+    assert not ground[is_high].any()
+    assert ground[~is_car].all()
+
+
+def test_what_a_wet_road_mirrors_is_not_the_ground():
+    street = plane()
+    rng = np.random.default_rng(0)
+    mirrored = rng.uniform((-10, -10, -2.5), (10, 10, -0.5), (60, 3))
+    # A car's image is a patch of them.
+    patch = grid(np.linspace(3, 4.5, 9), np.linspace(1, 2, 6), lambda x, _: -1.2 + 0 * x)
+    assert is_ground(np.vstack([street, mirrored, patch])).all()
+
+
+def slow_heights(points, settings):
+    """The definition, block by block: weighted least squares of all cells near it."""
+    low = points[:, :2].min(axis=0)
+    cells = np.floor((points[:, :2] - low) / settings.cell_size_m).astype(int)
     lowest = {}
-    for cell, height in zip(map(tuple, cells.astype(int)), points[:, 2], strict=True):
+    for cell, height in zip(map(tuple, cells), points[:, 2], strict=True):
         lowest[cell] = min(height, lowest.get(cell, np.inf))
-    width, depth = cells.max(axis=0).astype(int) + 1
-    radius = round(settings.window_m / 2 / settings.cell_size_m)
-    rise = settings.max_slope * settings.cell_size_m
-
-    def near(cell, radius=radius):
-        for x in range(max(0, cell[0] - radius), min(width, cell[0] + radius + 1)):
-            for y in range(max(0, cell[1] - radius), min(depth, cell[1] + radius + 1)):
-                yield (x, y), rise * (abs(x - cell[0]) + abs(y - cell[1]))
-
-    def bottom(cell):
-        """The lowest cone from above all cells around, for a cell with a point."""
-        return min(
-            max(lowest[third] - climb for third, climb in near(other, 1) if third in lowest) + step
-            for other, step in near(cell, 1)
-        )
-
-    lifted = {cell: bottom(cell) for cell in lowest}
-    lowest = {
-        cell: lifted[cell] if lifted[cell] - height > settings.margin_m else height
-        for cell, height in lowest.items()
+    blocks = {
+        (x, y) for x in range(cells[:, 0].max() // 4 + 1) for y in range(cells[:, 1].max() // 4 + 1)
     }
+    planes = {block: np.array([np.median(list(lowest.values())), 0, 0]) for block in blocks}
 
-    def apex(cell):
-        return min(lowest.get(other, np.inf) + climb for other, climb in near(cell))
+    def terms(place, block):
+        return np.array([1, *(np.array(place) - (4 * np.array(block) + 1.5))])
 
-    heights = {
-        cell: max(apex(other) - climb for other, climb in near(cell)) + settings.margin_m
-        for cell in lowest
-    }
-    limits = [heights[tuple(cell)] for cell in cells.astype(int)]
-    return points[:, 2] <= limits
+    def weight(cell, height, tolerance_m):
+        block = cell[0] // 4, cell[1] // 4
+        off = (height - terms(cell, block) @ planes[block]) / tolerance_m
+        return (1 + off**2) ** (-2 if off > 0 else -1)
+
+    for level in (4, 3, 2, 1, 0):
+        reach = max(1, round(settings.window_m * 2**level / 2 / (4 * settings.cell_size_m)))
+        weights = {
+            cell: weight(cell, height, settings.margin_m * 2**level)
+            for cell, height in lowest.items()
+        }
+        after = {}
+        for block in blocks:
+            near = [
+                cell
+                for cell in lowest
+                if max(abs(cell[0] // 4 - block[0]), abs(cell[1] // 4 - block[1])) <= reach
+            ]
+            left = np.array([*(terms(cell, block) for cell in near), *np.diag((1.0, 4.0, 4.0))])
+            right = np.array([*(lowest[cell] for cell in near), *(planes[block] * (1, 4, 4))])
+            root = np.sqrt([*(weights[cell] for cell in near), 1, 1, 1])
+            after[block] = np.linalg.lstsq(left * root[:, None], right * root, rcond=None)[0]
+        planes = after
+    places = (points[:, :2] - low) / settings.cell_size_m - 0.5
+    blocks_of = map(tuple, cells // 4)
+    ground = [
+        terms(place, block) @ planes[block] for place, block in zip(places, blocks_of, strict=True)
+    ]
+    return points[:, 2] - ground
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_ground_is_the_same_as_its_definition(seed):
+def test_heights_are_the_same_as_their_definition(seed):
     settings = SETTINGS.changed({"ground.window_m": 3, "ground.margin_m": 0.3}).ground
     points = np.random.default_rng(seed).uniform((0, -4, 0), (9, 4, 2), (120, 3))
     points = points.astype(np.float32)
-    expected = slow_ground_mask(points.astype(np.float64), settings)
-    assert 0 < expected.sum() < len(points)
-    np.testing.assert_array_equal(is_ground(points, settings), expected)
+    heights = heights_above_ground(points, settings)
+    assert 0 < np.count_nonzero(heights < settings.margin_m) < len(points)
+    np.testing.assert_allclose(
+        heights, slow_heights(points.astype(np.float64), settings), atol=1e-4
+    )
