@@ -11,9 +11,6 @@ from mnsf_ros.objects.target import Target
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
-# Nothing climbs more steeply, by the road and by how the sensor is mounted. Where a part of an
-# object is hidden in the target, the nearest points lead up or down.
-_STEEPEST: Final = np.float32(0.15)
 
 
 def fit_motion_field(
@@ -30,11 +27,10 @@ def fit_motion_field(
         start: (K, 3) metres, motion to the next sweep to start from.
         num_iterations: Steps.
     """
-    num_steps = target.steps_of(objects, start)
+    num_steps, slopes = target.steps_of(objects, start), target.current.ground.slopes(objects.centers)
     flows = num_steps * start
     for _ in range(num_iterations):
-        pulls = target.pulls(objects, flows)
-        flows = flows + (_STEP * pulls).astype(np.float32)
-        climbs = _STEEPEST * np.hypot(flows[:, 0], flows[:, 1])
-        flows[:, 2] = np.clip(flows[:, 2], -climbs, climbs)
+        flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
+        flows += (_STEP * target.pulls(objects, flows)).astype(np.float32)
+    flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
     return np.asarray(flows * (np.float32(target.steps) / num_steps), np.float32)

@@ -15,8 +15,6 @@ from mnsf_ros.objects.target import Targets
 # A motion that was not fitted to the neighbouring sweeps must explain clearly more: over a longer
 # time nothing moves evenly.
 _MAX_SHARE: Final = 0.8
-# Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
-_LEVEL_M: Final = 0.05
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
@@ -140,16 +138,8 @@ def fuse_motions(
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
     """
-    forward, inverted = _levelled(forward), _levelled(inverted)
     mean = np.float32(0.5) * (forward + inverted)
     some = objects.thinner()
     fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
     best = fitted.better(best_of(some, targets, fitted, others), _MAX_SHARE)
     return judge(objects, targets, best.motions)
-
-
-def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns motions (K, 3) in metres without as much of their vertical part as may be noise."""
-    level = motions.copy()
-    level[:, 2] -= np.clip(motions[:, 2], -_LEVEL_M, _LEVEL_M)
-    return level

@@ -17,7 +17,8 @@ from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.sweep_clock import SweepClock
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.kept_points import cropped_heights
+from mnsf_ros.sweeps.ground_surface import GroundSurface
+from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS: Final = 10
@@ -51,8 +52,13 @@ class ObjectSweep:
         self.sweep = sweep
         self.pose = pose
         self.xyz = pose.in_one_moment(sweep)
-        self.heights = cropped_heights(self.xyz, settings)
-        self.kept = self.heights > settings.ground.margin_m
+        self.kept = crop_mask(self.xyz, settings.crop)
+        cropped = chosen_points(self.xyz, self.kept)
+        self.ground = GroundSurface(cropped, settings.ground)
+        self.heights = np.full(len(self.xyz), np.nan, np.float32)
+        self.heights[self.kept] = self.ground.heights(cropped)
+        if settings.ground.remove:
+            self.kept = self.heights > settings.ground.margin_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
             self.clock = SweepClock.of(self.xyz, sweep.times_s)

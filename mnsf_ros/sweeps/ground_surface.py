@@ -18,38 +18,57 @@ _BLOCK: Final = 4
 _NUM_LEVELS: Final = 5
 
 
-def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.bool_]:
-    """Mask (N,) of the points (N, 3), metres, z up, that are ground: below the margin."""
-    return np.asarray(heights_above_ground(xyz, settings) <= settings.margin_m)
-
-
-def heights_above_ground(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.float32]:
-    """Returns (N,) metres, how far points are above the ground, or below it if negative.
+class GroundSurface:
+    """The ground under a sweep.
 
     The lowest point of each cell is ground, or something that stands on it. Planes are fitted to
     all of them at first, then to smaller and smaller windows, each time to those that are close to
     the planes before; what is above counts less than what is below. So the road is known under a
     car, between the rings of few beams and on a slope, and a laser that a wet road mirrors is one
     point of many.
-
-    Args:
-        xyz: (N, 3) metres, z up; finite.
-        settings: Cells, window and margin.
     """
-    if len(xyz) == 0:
-        return np.zeros(0, np.float32)
-    points = np.require(xyz, requirements=("C", "W"))
-    low_x, low_y, high_x, high_y = map(float, bounds(points))
-    extent = max(high_x - low_x, high_y - low_y)
-    cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
-    lowest = _lowest(points, low_x, low_y, high_x, high_y, cell_size_m)
-    num_rows, num_columns = (-(-size // _BLOCK) for size in lowest.shape)
-    planes = np.zeros((num_rows, num_columns, 3))
-    planes[..., 0] = np.median(lowest[np.isfinite(lowest)])
-    for level in reversed(range(_NUM_LEVELS)):
-        reach = round(settings.window_m * 2**level / 2 / (_BLOCK * cell_size_m))
-        planes = _fitted(lowest, planes, max(reach, 1), settings.margin_m * 2**level)
-    return _heights(points, low_x, low_y, cell_size_m, planes)
+
+    def __init__(self, xyz: NDArray[np.float32], settings: GroundSettings) -> None:
+        """Fits the ground to a sweep.
+
+        Args:
+            xyz: (N, 3) metres, z up; finite.
+            settings: Cells, window and margin.
+        """
+        self._low, self._cell_size_m = (0.0, 0.0), settings.cell_size_m
+        self._planes = np.zeros((1, 1, 3))
+        if len(xyz) == 0:
+            return
+        points = np.require(xyz, requirements=("C", "W"))
+        low_x, low_y, high_x, high_y = map(float, bounds(points))
+        extent = max(high_x - low_x, high_y - low_y)
+        self._low = low_x, low_y
+        self._cell_size_m = cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
+        lowest = _lowest(points, low_x, low_y, high_x, high_y, cell_size_m)
+        num_rows, num_columns = (-(-size // _BLOCK) for size in lowest.shape)
+        planes = np.zeros((num_rows, num_columns, 3))
+        planes[..., 0] = np.median(lowest[np.isfinite(lowest)])
+        for level in reversed(range(_NUM_LEVELS)):
+            reach = round(settings.window_m * 2**level / 2 / (_BLOCK * cell_size_m))
+            planes = _fitted(lowest, planes, max(reach, 1), settings.margin_m * 2**level)
+        self._planes = planes
+
+    def heights(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N,) metres, how far points (N, 3) are above the ground, or below it if negative."""
+        points = np.require(xyz, requirements=("C", "W"))
+        return _heights(points, *self._low, self._cell_size_m, self._planes)
+
+    def slopes(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, 2) rise over run of the ground along x and y, at points (N, 3)."""
+        blocks = (xyz[:, :2] - np.asarray(self._low)) / (_BLOCK * self._cell_size_m)
+        most = np.array(self._planes.shape[:2]) - 1
+        rows, columns = np.clip(blocks.astype(np.int64), 0, most).T
+        return np.asarray(self._planes[rows, columns, 1:] / self._cell_size_m, np.float32)
+
+
+def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.bool_]:
+    """Mask (N,) of the points (N, 3), metres, z up, that are ground: below the margin."""
+    return np.asarray(GroundSurface(xyz, settings).heights(xyz) <= settings.margin_m)
 
 
 @compiled("float32[:, ::1](float32[:, ::1], float64, float64, float64, float64, float64)")

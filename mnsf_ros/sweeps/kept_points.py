@@ -8,7 +8,7 @@ from mnsf_ros.compiled import compiled
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.settings import CropSettings, Settings
-from mnsf_ros.sweeps.ground_surface import heights_above_ground
+from mnsf_ros.sweeps.ground_surface import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS = 10
@@ -35,20 +35,10 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
 
 def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:
     """Mask (N,) of the points (N, 3), sensor frame, inside the crop and above ground."""
-    return np.asarray(cropped_heights(xyz, settings) > settings.ground.margin_m)
-
-
-def cropped_heights(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
-    """Returns (N,) metres, how far points (N, 3), sensor frame, are above ground.
-
-    It is NaN outside the crop, and infinity inside it where ground is not to be removed.
-    """
-    xyz = np.require(xyz, requirements=("C", "W"))
-    inside = crop_mask(xyz, settings.crop)
-    heights = np.where(inside, np.float32(np.inf), np.float32(np.nan))
+    kept = crop_mask(xyz, settings.crop)
     if settings.ground.remove:
-        heights[inside] = heights_above_ground(chosen_points(xyz, inside), settings.ground)
-    return heights
+        kept[kept] = ~ground_mask(chosen_points(xyz, kept), settings.ground)
+    return kept
 
 
 def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bool_]:
