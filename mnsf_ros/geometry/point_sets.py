@@ -13,6 +13,8 @@ _HALF: Final = 2**20
 _ACROSS: Final = 73_856_093
 _ALONG: Final = 19_349_663
 _UP: Final = 83_492_791
+# A grid over points that reach farther than this many cells has larger ones: memory stays bounded.
+MAX_CELLS_PER_AXIS: Final = 2048
 
 
 @compiled("float32[:, ::1](float32[:, ::1], boolean[::1])")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import best_of
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -145,9 +146,7 @@ def _shifts(radius: int) -> NDArray[np.int64]:
 
 
 _CELL_M: Final = 0.4
-# Beyond this many cells they get larger: memory stays bounded, whatever the crop.
-_MAX_CELLS_PER_AXIS: Final = 1024
-# Nor does the work grow with the square of the interval: a sensor that is slow has larger cells.
+# The work does not grow with the square of the interval: a sensor that is slow has larger cells.
 _MAX_CELLS_OF_MARGIN: Final = 64
 # Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
 _NUM_LEVELS: Final = 16
@@ -168,7 +167,7 @@ class VotingGrid:
         high = [float(points[:, axis].max()) + margin_m for axis in (0, 1)]
         extents = [end - start for start, end in zip(low, high, strict=True)]
         self.cell_m = max(
-            _CELL_M, max(extents) / _MAX_CELLS_PER_AXIS, margin_m / _MAX_CELLS_OF_MARGIN
+            _CELL_M, max(extents) / MAX_CELLS_PER_AXIS, margin_m / _MAX_CELLS_OF_MARGIN
         )
         middle_m = (float(points[:, 2].min()) + float(points[:, 2].max())) / 2
         bottom_m = middle_m - _NUM_LEVELS * self.cell_m / 2

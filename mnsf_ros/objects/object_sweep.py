@@ -18,12 +18,11 @@ from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.sweep_clock import SweepClock
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.ground_surface import GroundSurface
-from mnsf_ros.sweeps.kept_points import crop_mask
+from mnsf_ros.sweeps.kept_points import MIN_POINTS, crop_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
-_MIN_POINTS: Final = 10
-# Points in touching cells of this size are one part of an object.
-PART_CELL_M: Final = 0.25
+# Points that are farther apart than this are those of different things.
+TOUCH_M: Final = 0.25
 
 
 class ObjectSweep:
@@ -65,10 +64,10 @@ class ObjectSweep:
         # What moves is elsewhere when it is seen again: objects are made of first views.
         self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
         points = self._points = chosen_points(self.xyz, self._in_objects)
-        if len(points) < _MIN_POINTS:
+        if len(points) < MIN_POINTS:
             raise SweepError(
                 f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "
-                f"and ground removal, expected at least {_MIN_POINTS}"
+                f"and ground removal, expected at least {MIN_POINTS}"
             )
         segmentation = Segmentation(points, settings.objects.cell_size_m)
         self._point_objects = segmentation.objects_of(points)
@@ -104,7 +103,7 @@ class ObjectSweep:
         if len(rows) == 0:
             return other
         chosen = np.take(self.thinned, rows, axis=0)
-        parts = Segmentation(chosen, PART_CELL_M)
+        parts = Segmentation(chosen, TOUCH_M)
         low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
         is_split = np.zeros(self.num_objects, np.bool_)
         is_split[self.thinned_objects[rows]] = True

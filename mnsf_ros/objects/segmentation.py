@@ -1,16 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which points belong together: connected cells, seen from above."""
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.geometry.point_sets import bounds
-
-# A sweep whose points reach farther than this many cells is segmented coarser.
-_MAX_CELLS_PER_AXIS: Final = 2048
+from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS, bounds
 
 
 class Segmentation:
@@ -31,7 +26,7 @@ class Segmentation:
         low_x, low_y, high_x, high_y = map(np.float32, bounds(points))
         self._low = low_x, low_y
         extent = float(max(high_x - low_x, high_y - low_y))
-        self._cell_size_m = np.float32(max(cell_size_m, extent / _MAX_CELLS_PER_AXIS))
+        self._cell_size_m = np.float32(max(cell_size_m, extent / MAX_CELLS_PER_AXIS))
         labels, objects, number = _labelled(points, *self._low, high_x, high_y, self._cell_size_m)
         self._labels, self._objects = labels, objects
         self.num_objects = number + 1

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.object_sweep import PART_CELL_M, ObjectSweep, sizes_of
+from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep, sizes_of
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target
 
@@ -43,6 +43,6 @@ def _part_sizes(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (P,) metres, the length of the part that each of the points (P, 3) belongs to."""
     if len(points) == 0:
         return np.zeros(0, np.float32)
-    parts = Segmentation(points, PART_CELL_M)
+    parts = Segmentation(points, TOUCH_M)
     numbers = parts.objects_of(points)
     return sizes_of(points, numbers, parts.num_objects)[numbers]

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep
 from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to the reach, that of one behind what the sweep saw to this:
 # nobody knows what is there.
 _HIDDEN_M: Final = 0.1
-# A point farther off than this is that of something else that touches it.
-_NEAR_M: Final = 0.25
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
 # moved; less of the interval than this is not believed.
 _MIN_SHARE_OF_STEPS: Final = 0.5
@@ -94,7 +92,7 @@ class Target:
         places = transformed(points, self.from_current)
         is_new = self.sweep.view.are_free(places)
         free = chosen_points(places, is_new)
-        is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
+        is_new[is_new] = self.sweep.grid.nearest(free, TOUCH_M) < 0
         return is_new
 
     @cached_property
@@ -128,7 +126,7 @@ class Target:
         Args:
             places: (P, 3) metres, current frame.
         """
-        nearest = PointGrid(places).nearest(self.gone, _NEAR_M)
+        nearest = PointGrid(places).nearest(self.gone, TOUCH_M)
         return nearest[nearest >= 0]
 
     def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.geometry.point_sets import bounds
+from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS, bounds
 from mnsf_ros.settings import GroundSettings
 
-# A sweep whose points reach farther than this many cells in x or y is binned coarser.
-_MAX_CELLS_PER_AXIS: Final = 1024
 # So many cells of an axis share a plane.
 _BLOCK: Final = 4
 # From the first level to the last one window and tolerance are halved with each.
@@ -43,7 +41,7 @@ class GroundSurface:
         low_x, low_y, high_x, high_y = map(float, bounds(points))
         extent = max(high_x - low_x, high_y - low_y)
         self._low = low_x, low_y
-        self._cell_size_m = cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
+        self._cell_size_m = cell_size_m = max(settings.cell_size_m, extent / MAX_CELLS_PER_AXIS)
         lowest = _lowest(points, low_x, low_y, high_x, high_y, cell_size_m)
         num_rows, num_columns = (-(-size // _BLOCK) for size in lowest.shape)
         planes = np.zeros((num_rows, num_columns, 3))

@@ -11,7 +11,7 @@ from mnsf_ros.settings import CropSettings, Settings
 from mnsf_ros.sweeps.ground_surface import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
-_MIN_POINTS = 10
+MIN_POINTS = 10
 
 
 def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
@@ -25,10 +25,10 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
     else:
         mask = sweep.kept & crop_mask(sweep.xyz, settings.crop)
         choice = ", ground removal and the choice of points"
-    if (num_left := int(np.count_nonzero(mask))) < _MIN_POINTS:
+    if (num_left := int(np.count_nonzero(mask))) < MIN_POINTS:
         raise SweepError(
             f"sweep {sweep.stamp_ns}: {num_left} of {len(sweep)} points are left after crop"
-            f"{choice}, expected at least {_MIN_POINTS}"
+            f"{choice}, expected at least {MIN_POINTS}"
         )
     return mask
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.ground_surface import ground_mask, heights_above_ground
+from mnsf_ros.sweeps.ground_surface import GroundSurface, ground_mask
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 
 SETTINGS = Settings()
@@ -140,6 +140,21 @@ def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
     assert mask.tolist() == [True, False, True] * 3
 
 
+@pytest.mark.parametrize("rise", [(0, 0), (0.2, 0), (-0.1, 0.05)])
+def test_slopes_are_those_of_the_ground_also_beyond_it(rise):
+    along, across = rise
+    points = plane(lambda x, y: along * x + across * y).astype(np.float32)
+    places = np.float32([(0, 0, 0), (9, -9, 5), (100, 0, 0), (-1e9, 1e9, 0)])
+    slopes = GroundSurface(points, GROUND).slopes(places)
+    np.testing.assert_allclose(slopes, [rise] * len(places), atol=0.01)
+
+
+def test_without_points_the_ground_is_level():
+    surface = GroundSurface(np.zeros((0, 3), np.float32), GROUND)
+    assert surface.heights(np.zeros((0, 3), np.float32)).shape == (0,)
+    assert surface.slopes(np.float32([(1, 2, 3)])).tolist() == [[0, 0]]
+
+
 RINGS = np.radians(np.arange(-15, 0, 2))
 HEIGHT_M = 1.8
 
@@ -229,7 +244,7 @@ def test_heights_are_the_same_as_their_definition(seed):
     settings = SETTINGS.changed({"ground.window_m": 3, "ground.margin_m": 0.3}).ground
     points = np.random.default_rng(seed).uniform((0, -4, 0), (9, 4, 2), (120, 3))
     points = points.astype(np.float32)
-    heights = heights_above_ground(points, settings)
+    heights = GroundSurface(points, settings).heights(points)
     assert 0 < np.count_nonzero(heights < settings.margin_m) < len(points)
     np.testing.assert_allclose(
         heights, slow_heights(points.astype(np.float64), settings), atol=1e-4
