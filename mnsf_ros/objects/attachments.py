@@ -1,19 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points that belong to a mover but not to its object: fragments, and cut-off bottoms."""
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints, spacing_of
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.point_grid import PointGrid
-
-# Beside a mover, a point this far above the ground is not ground.
-_MIN_HEIGHT_M: Final = 0.1
-# A fragment moves with a mover if more than this share of it is in reach.
-_MIN_SHARE: Final = 0.5
 
 
 def attached(
@@ -36,15 +29,16 @@ def attached(
     if len(movers) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     points, point_rows = movers.all_points(current)
-    is_low = ~current.kept & (current.heights > _MIN_HEIGHT_M)
-    candidates = np.flatnonzero(is_low | is_loose[owners])
+    # Beside a mover, what is above the ground by more than the noise is not ground.
+    low = np.flatnonzero(~current.kept & (current.heights > NOISE_M))
+    low = low[current.heights[low] > spacing_of(np.take(current.xyz, low, axis=0))]
+    candidates = np.union1d(low, np.flatnonzero(is_loose[owners]))
     theirs = owners[candidates]
     nearest = PointGrid(points).nearest(np.take(current.xyz, candidates, axis=0))
     is_close = nearest >= 0
     # A fragment moves as a whole, or not at all.
-    close, number = (np.bincount(each, minlength=1) for each in (theirs[is_close], theirs))
-    goes = np.zeros(len(number), np.bool_)
-    goes[: len(close)] = close > _MIN_SHARE * number[: len(close)]
+    votes = np.where(is_close, 1, -1)
+    goes = np.bincount(theirs, votes, current.num_objects) > 0
     goes[0] = True
     is_close &= goes[theirs]
     return candidates[is_close], point_rows[nearest[is_close]]

@@ -47,9 +47,7 @@ class ObjectPoints:
             settings.min_points,
             settings.points_per_object,
         )
-        ranges = np.sqrt((chosen * chosen).sum(axis=1))
-        spacing = (NOISE_M + _SPACING_PER_M * ranges).astype(np.float32)
-        return cls(numbers, chosen, owners, spacing)
+        return cls(numbers, chosen, owners, spacing_of(chosen))
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -166,6 +164,12 @@ class ObjectPoints:
         if len(self) == 0:
             return np.zeros((0, *values.shape[1:]), values.dtype)
         return np.add.reduceat(values, self.starts, axis=0)
+
+
+def spacing_of(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (P,) metres, how far points (P, 3) may be from others of the same surface."""
+    ranges = np.sqrt((points * points).sum(axis=1))
+    return (NOISE_M + _SPACING_PER_M * ranges).astype(np.float32)
 
 
 @compiled(

@@ -14,7 +14,6 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, Stretch, Sweep, SweepTriplet
 # How far back an object is looked for: three and six sweeps at 10 Hz. Before the first a car has
 # not turned by much, before the second a slow pedestrian has moved by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
-_PAST_TOLERANCE_S: Final = 0.12
 _MAX_SWEEPS: Final = 12
 
 
@@ -67,7 +66,7 @@ class ReadySweeps:
             near = {
                 abs(age - past_s): sweep
                 for sweep, age in ages.items()
-                if abs(age - past_s) < _PAST_TOLERANCE_S and age > 1.5 * interval_s
+                if abs(age - past_s) < _PAST_S[0] / 2 and age > 1.5 * interval_s
             }
             found += [near[min(near)]] if near else []
         return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]

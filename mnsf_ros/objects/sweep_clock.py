@@ -13,8 +13,6 @@ from mnsf_ros.objects.range_view import NUM_AZIMUTHS
 # Points of one direction that were measured later than the first by this share of the sweep were
 # seen again.
 _AGAIN_SHARE: Final = 0.5
-# One lidar sees less than this share of the directions again; several in one cloud see all of them.
-_MAX_AGAIN: Final = 0.5
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
 _MAX_SPREAD: Final = 0.05
@@ -54,7 +52,8 @@ class SweepClock:
         if np.abs(own_s - means[own_cells]).mean() > _MAX_SPREAD * span_s:
             return None
         num_again = np.count_nonzero(np.bincount(cells[is_again], minlength=NUM_AZIMUTHS))
-        if num_again > _MAX_AGAIN * np.count_nonzero(counts):
+        # One lidar sees few directions again; several in one cloud see all of them.
+        if 2 * num_again > np.count_nonzero(counts):
             return None
         revolution_s = 0.0
         if is_again.any():

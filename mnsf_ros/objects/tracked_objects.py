@@ -16,10 +16,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 # Of what is faster, the box points where it goes; of what is slower, along its longest side.
 _MIN_HEADING_M_S: Final = 1.0
 _MAX_BOX_POINTS: Final = 1000
-# A track that was seen to move so often is told of while it is hidden,
+# A track that was seen to move so often is told of while most of its points would be hidden.
 _MIN_SEEN: Final = 3
-# that is, if more than this share of its points would be behind something.
-_MIN_HIDDEN: Final = 0.5
 
 
 def tracked_objects(
@@ -108,7 +106,7 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
     """Whether something occludes the points (P, 3) where a track is expected."""
     if track.num_seen < _MIN_SEEN or len(points) == 0:
         return False
-    return bool(current.view.are_hidden(points).mean() > _MIN_HIDDEN)
+    return 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
 
 
 def _boxes(
