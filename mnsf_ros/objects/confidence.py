@@ -18,8 +18,8 @@ from mnsf_ros.objects.target import Targets
 # Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
 # per logarithm of one more than the score that they move, and of one metre more than the length.
 _MOVING: Final = (0.12, -0.93, 0.68, -0.65)
-# Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
-_DOUBTFUL: Final = (1.31, -10.17, 0.28)
+# Suspects without an accepted motion: constant, per metre of residual.
+_DOUBTFUL: Final = (1.96, -7.27)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (2.83, -0.25)
 # Motions that differ by this should explain an object worse: along a flat side they do not.
@@ -90,23 +90,17 @@ def _beside(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> N
 
 
 def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:
-    """Returns (K, 3) the features of K suspects without an accepted motion."""
-    return _with_constant(doubtful.standing.cost, _tens_of_metres(doubtful.objects.centers))
+    """Returns (K, 2) the features of K suspects without an accepted motion."""
+    return _with_constant(doubtful.standing.cost)
 
 
 def standing_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:
     """Returns (N, 2) the features of static points (N, 3), metres."""
-    return _with_constant(_tens_of_metres(xyz))
+    return _with_constant(np.hypot(xyz[:, 0], xyz[:, 1]) / 10)
 
 
 def _with_constant(*columns: NDArray[Any]) -> NDArray[np.float64]:
     return np.stack([np.ones(len(columns[0])), *columns], axis=1).astype(np.float64)
-
-
-def _tens_of_metres(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
-    ranges: NDArray[np.float32] = np.hypot(xyz[:, 0], xyz[:, 1]).astype(np.float32, copy=False)
-    ranges /= 10
-    return ranges
 
 
 def _logistic(features: NDArray[np.float64], weights: tuple[float, ...]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.75, 1.0, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
+_WEIGHTS: Final = (-2.75, 0.75, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
