@@ -34,7 +34,7 @@ class GroundSurface:
             settings: Cells, window and margin.
         """
         self._low, self._cell_size_m = (0.0, 0.0), settings.cell_size_m
-        self._planes = np.zeros((1, 1, 3))
+        self._planes: NDArray[np.float64] = np.zeros((1, 1, 3))
         if len(xyz) == 0:
             return
         points = np.require(xyz, requirements=("C", "W"))
@@ -44,12 +44,11 @@ class GroundSurface:
         self._cell_size_m = cell_size_m = max(settings.cell_size_m, extent / MAX_CELLS_PER_AXIS)
         lowest = _lowest(points, low_x, low_y, high_x, high_y, cell_size_m)
         num_rows, num_columns = (-(-size // _BLOCK) for size in lowest.shape)
-        planes = np.zeros((num_rows, num_columns, 3))
-        planes[..., 0] = np.median(lowest[np.isfinite(lowest)])
+        self._planes = np.zeros((num_rows, num_columns, 3))
+        self._planes[..., 0] = np.median(lowest[np.isfinite(lowest)])
         for level in reversed(range(_NUM_LEVELS)):
-            reach = round(settings.window_m * 2**level / 2 / (_BLOCK * cell_size_m))
-            planes = _fitted(lowest, planes, max(reach, 1), settings.margin_m * 2**level)
-        self._planes = planes
+            reach = max(1, round(settings.window_m * 2**level / 2 / (_BLOCK * cell_size_m)))
+            self._planes = _fitted(lowest, self._planes, reach, settings.margin_m * 2**level)
 
     def heights(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
         """(N,) metres, how far points (N, 3) are above the ground, or below it if negative."""
