@@ -24,6 +24,7 @@ from world_scores import world_score
 from mnsf_ros.objects import (
     decision,
     motion_field,
+    motion_fusion,
     object_flow,
     scene,
     splitting,
@@ -65,6 +66,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "attachments": (scene, "attached", lambda *_: _NONE),
     "turning": (object_flow, "turning", lambda movers, motions, *_: whole(motions)),
     "longer steps of fits": (motion_field, "_STEP", 1.0),
+    "preference for fitted motions": (motion_fusion, "_MAX_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),
 }
 

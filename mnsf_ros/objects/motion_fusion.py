@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
+# A motion that was not fitted to the neighbouring sweeps must explain clearly more: over a longer
+# time nothing moves evenly, least of all what brakes.
+_MAX_SHARE: Final = 0.8
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
@@ -46,9 +49,12 @@ class JudgedMotions:
         """Returns the objects of the (K,) mask, or of rows."""
         return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
-    def better(self, other: "JudgedMotions") -> "JudgedMotions":
-        """Returns for each object its own motion, or the other one if that explains more."""
-        wins = other.total < self.total
+    def better(self, other: "JudgedMotions", share: float = 1.0) -> "JudgedMotions":
+        """Returns for each object its own motion, or the other one if that explains more.
+
+        The other one must leave less than this share of the residual.
+        """
+        wins = other.total < share * self.total
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -134,5 +140,6 @@ def fuse_motions(
     """
     mean = np.float32(0.5) * (forward + inverted)
     some = objects.thinner()
-    best = best_of(some, targets, judge(some, targets, mean), (forward, inverted, *others))
+    fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
+    best = fitted.better(best_of(some, targets, fitted, others), _MAX_SHARE)
     return judge(objects, targets, best.motions)

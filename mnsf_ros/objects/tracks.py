@@ -206,8 +206,8 @@ def _assigned(
     # Of several parts of what a track was, the largest one goes on with its number.
     sizes = np.bincount(seen.owners, minlength=len(seen))
     whole = np.array([max(len(track.points), 1) for track in tracks])
-    covered = np.minimum(shares * sizes[:, None] / whole, 1.0)
-    gains = is_possible * (shares + covered + settled)
+    met = shares * sizes[:, None]
+    gains = is_possible * (met / (sizes[:, None] + whole - np.minimum(met, whole)) + settled)
     things, rows = linear_sum_assignment(gains, maximize=True)
     is_same = is_possible[things, rows]
     return things[is_same], rows[is_same]
