@@ -97,7 +97,8 @@ def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:
 
 def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Returns (720,) the nearest azimuth that has points."""
-    filled = np.flatnonzero(is_filled)
-    gaps = np.arange(NUM_AZIMUTHS)[:, None] - filled
-    half = NUM_AZIMUTHS // 2
-    return filled[np.abs((gaps + half) % NUM_AZIMUTHS - half).argmin(axis=1)]
+    filled, azimuths = np.flatnonzero(is_filled), np.arange(NUM_AZIMUTHS)
+    around = np.concatenate([filled + turn * NUM_AZIMUTHS for turn in (-1, 0, 1)])
+    place = np.searchsorted(around, azimuths)
+    before, after = around[place - 1], around[place]
+    return np.where(after - azimuths < azimuths - before, after, before) % NUM_AZIMUTHS

@@ -148,11 +148,14 @@ def _fitted(
     sums = _summed(lowest, planes, tolerance_m)
     num_rows, num_columns = planes.shape[:2]
     fitted, prior = np.empty_like(planes), np.float64(_BLOCK * _BLOCK)
+    own = np.empty(9)
     for row in range(num_rows):
         top, bottom = max(row - reach, 0), min(row + reach + 1, num_rows)
         for column in range(num_columns):
             left, right = max(column - reach, 0), min(column + reach + 1, num_columns)
-            own = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+            for each in range(9):
+                own[each] = sums[bottom, right, each] - sums[top, right, each]
+                own[each] += sums[top, left, each] - sums[bottom, left, each]
             x, y = _BLOCK * (row + 0.5) - 0.5, _BLOCK * (column + 0.5) - 0.5
             height, along, across = planes[row, column]
             # From here on, all is as seen from the middle of the block.
