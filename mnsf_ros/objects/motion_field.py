@@ -27,10 +27,8 @@ def fit_motion_field(
         start: (K, 3) metres, motion to the next sweep to start from.
         num_iterations: Steps.
     """
-    num_steps, slopes = (
-        target.steps_of(objects, start),
-        target.current.ground.slopes(objects.centers),
-    )
+    num_steps = target.steps_of(objects, start)
+    slopes = target.current.ground.slopes(objects.centers)
     flows = num_steps * start
     for _ in range(num_iterations):
         flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)

@@ -33,6 +33,8 @@ class ObjectSweep:
         pose: Where it was taken.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points inside the crop that are not ground.
+        ground: The ground under it.
+        heights: (N,) float32, metres, how far its points are above ground; NaN outside the crop.
         clock: When which direction was measured; None if not known.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.

@@ -192,10 +192,13 @@ def _heights(
 ) -> NDArray[np.float32]:
     """(N,) metres, how far points (N, 3) are above the planes of their blocks."""
     heights = np.empty(len(xyz), np.float32)
+    last_row, last_column = planes.shape[0] - 1, planes.shape[1] - 1
     for point in range(len(xyz)):
         x = (np.float64(xyz[point, 0]) - low_x) / cell_size_m
         y = (np.float64(xyz[point, 1]) - low_y) / cell_size_m
-        row, column = int(x / _BLOCK), int(y / _BLOCK)
+        # Beyond the points that the planes were fitted to, the outermost ones go on.
+        row = min(max(int(x / _BLOCK), 0), last_row)
+        column = min(max(int(y / _BLOCK), 0), last_column)
         height, along, across = planes[row, column]
         ground = height + along * (x - _BLOCK * (row + 0.5))
         ground += across * (y - _BLOCK * (column + 0.5))

@@ -141,12 +141,15 @@ def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
 
 
 @pytest.mark.parametrize("rise", [(0, 0), (0.2, 0), (-0.1, 0.05)])
-def test_slopes_are_those_of_the_ground_also_beyond_it(rise):
+def test_slopes_and_heights_are_those_of_the_ground_also_beyond_it(rise):
     along, across = rise
     points = plane(lambda x, y: along * x + across * y).astype(np.float32)
     places = np.float32([(0, 0, 0), (9, -9, 5), (100, 0, 0), (-1e9, 1e9, 0)])
-    slopes = GroundSurface(points, GROUND).slopes(places)
-    np.testing.assert_allclose(slopes, [rise] * len(places), atol=0.01)
+    surface = GroundSurface(points, GROUND)
+    np.testing.assert_allclose(surface.slopes(places), [rise] * len(places), atol=0.01)
+    off_m = surface.heights(places) - (places[:, 2] - places[:, :2] @ np.float32(rise))
+    # The lowest point of a cell on a slope is below its middle.
+    assert (np.abs(off_m) <= 0.05 + 0.01 * np.abs(places[:, :2]).sum(axis=1)).all()
 
 
 def test_without_points_the_ground_is_level():
