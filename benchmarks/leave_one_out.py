@@ -23,8 +23,7 @@ from world_scores import world_score
 
 from mnsf_ros.objects import (
     decision,
-    motion_field,
-    motion_fusion,
+    motions,
     object_flow,
     scene,
     splitting,
@@ -65,8 +64,8 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "splitting": (splitting, "_PEDESTRIAN_M", 0.0),
     "attachments": (scene, "attached", lambda *_: _NONE),
     "turning": (object_flow, "turning", lambda movers, motions, *_: whole(motions)),
-    "longer steps of fits": (motion_field, "_STEP", 1.0),
-    "preference for fitted motions": (motion_fusion, "_MAX_SHARE", 1.0),
+    "longer steps of fits": (motions, "_STEP", 1.0),
+    "preference for fitted motions": (motions, "_MAX_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),
 }
 

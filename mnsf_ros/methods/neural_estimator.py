@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import StageClock
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.encoded_field import EncodedPoints, Heads, whole
-from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
@@ -69,6 +69,7 @@ class NeuralEstimator(ObjectFlowEstimator):
     ) -> JudgedMotions:
         """Forward field, backward fields, inversion, fusion; arguments as of the online method."""
         objects, targets = suspects.objects, scene.targets
+        num_iterations = self.settings.objects.max_iterations
         all_targets = (*targets.near, *targets.past)
         steps = {target: target.steps_of(objects, start) for target in all_targets}
         points, few = (
@@ -80,7 +81,7 @@ class NeuralEstimator(ObjectFlowEstimator):
         flows: list[FieldFlow] = []
         for target in all_targets:
             with clock.stage("backward" if flows else "forward"):
-                heads = points.fitted(target, _best([*starts, *flows]))
+                heads = points.fitted(target, _best([*starts, *flows]), num_iterations)
                 flows.append(FieldFlow.of(few, targets, heads))
         with clock.stage("fusion"):
             forward, backward = flows[0], flows[len(targets.near) - 1]

@@ -4,9 +4,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints, spacing_of
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 
 
 def attached(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
+from mnsf_ros.objects.motions import JudgedMotions, judge
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.motion_fusion import JudgedMotions, are_same
+from mnsf_ros.objects.motions import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.75, 0.75, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
+_WEIGHTS: Final = (-2.75, 1.75, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.

@@ -19,7 +19,6 @@ from mnsf_ros.objects.target import Target, Targets
 
 # Prior weights of the constant and of the offsets, in points: objects move nearly as a whole.
 _PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
-_NUM_STEPS: Final = 4
 # A point this far from the target, plus twice its spacing, has half of its weight.
 _HALF_WEIGHT_M: Final = 0.1
 
@@ -68,7 +67,7 @@ class EncodedPoints:
         distances, _, _ = self._compared(target, moved, objects.spacing, limits_m)
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
-    def fitted(self, target: Target, start: Heads) -> Heads:
+    def fitted(self, target: Target, start: Heads, num_iterations: int) -> Heads:
         """Returns heads with which the points come to lie on a target.
 
         They minimize a robust D(p + g(p), S) plus a prior around the start.
@@ -76,6 +75,7 @@ class EncodedPoints:
         Args:
             target: The target sweep S.
             start: The heads to start from.
+            num_iterations: Steps.
         """
         objects = self.objects
         steps = self._steps[target][:, :, None]
@@ -85,7 +85,7 @@ class EncodedPoints:
         is_hidden = target.sweep.view.are_hidden(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
-        for _ in range(_NUM_STEPS):
+        for _ in range(num_iterations):
             distances, vectors, counts = self._compared(target, flow, exactly)
             weights = (counts > 0) * ~is_hidden / (1 + (distances / half_m) ** 2)
             wanted = turned(vectors, target.from_current[:3, :3].T) + flow - begin
@@ -171,6 +171,7 @@ def turning(
     motions: NDArray[np.float32],
     groups: NDArray[np.int64],
     targets: Targets,
+    num_iterations: int,
 ) -> Heads:
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
@@ -183,6 +184,7 @@ def turning(
         motions: (K, 3) metres, their motions to the next sweep.
         groups: (K,) the number from 0 of the thing that each is a part of.
         targets: The other sweeps.
+        num_iterations: Steps of each fit.
     """
     things = movers.joined(groups)
     sums = np.zeros((len(things), 3))
@@ -191,7 +193,8 @@ def turning(
     straight = whole(means)
     steps = {target: target.steps_of(things, means) for target in targets.near}
     points = EncodedPoints(things, things.centers, steps)
-    bent = np.mean([points.fitted(target, straight) for target in targets.near], axis=0)
+    fits = [points.fitted(target, straight, num_iterations) for target in targets.near]
+    bent = np.mean(fits, axis=0)
     stiff = straight.copy()
     stiff[:, 0, :2] = bent[:, 0, :2]
     turns = (bent[:, 1, 1] - bent[:, 2, 0]) / 2

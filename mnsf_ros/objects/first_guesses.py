@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
-from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import best_of
+from mnsf_ros.objects.motions import best_of, fit_motion_field
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target, Targets

@@ -118,4 +118,4 @@ class MotionMemory:
         """Returns the tracks as they are expected in a sweep, so long before the next one."""
         if self._tracks is None or interval_s <= 0:
             return []
-        return alive(self._tracks, stamp_ns, interval_s)
+        return alive(self._tracks, stamp_ns)

@@ -12,9 +12,14 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
 from mnsf_ros.objects.encoded_field import Heads, turning
 from mnsf_ros.objects.first_guesses import first_guesses
-from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
 from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
+from mnsf_ros.objects.motions import (
+    JudgedMotions,
+    best_of,
+    fit_motion_field,
+    fuse_motions,
+    judge,
+)
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
@@ -194,4 +199,5 @@ class ObjectFlowEstimator:
         """How the movers move and turn."""
         movers, is_moving = decision.fitted.objects, decision.is_moving
         motions, groups = decision.moving.motions[is_moving], decision.groups
-        return turning(movers.only(is_moving), motions, groups, scene.targets)
+        num_iterations = self.settings.objects.max_iterations
+        return turning(movers.only(is_moving), motions, groups, scene.targets, num_iterations)

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points, thinned
-from mnsf_ros.objects.point_grid import PointGrid
-from mnsf_ros.objects.range_view import RangeView
-from mnsf_ros.objects.segmentation import Segmentation
-from mnsf_ros.objects.sweep_clock import SweepClock
+from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.ground_surface import GroundSurface
 from mnsf_ros.sweeps.kept_points import MIN_POINTS, crop_mask
+from mnsf_ros.sweeps.range_view import RangeView
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep_clock import SweepClock
 
 # Points that are farther apart than this are those of different things.
 TOUCH_M: Final = 0.25

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
+from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.point_grid import REACH_M
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import ObjectSettings

@@ -10,16 +10,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.motion_fusion import are_same
+from mnsf_ros.objects.motions import are_same
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.point_grid import REACH_M
 
 # Standard deviation of a motion.
 _MOTION_M: Final = 0.03
-# Of the middle of the visible points, as a share of the length: it shifts when another side comes
-# into view.
-_PLACE_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +71,9 @@ class Sightings:
         centers = _sums(points, owners, number) / weights
         means = _sums(motions * counts[:, None], groups, number) / weights
         velocities = turned(means, world_from_sensor[:3, :3]) / interval_s
+        # The middle of the visible points shifts when another side comes into view.
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
-        # Of points spread evenly over a length, the standard deviation is its 0.29th part.
-        lengths = spread.max(axis=1, initial=0.0) / 0.29
-        place_errors = _PLACE_SHARE * lengths
+        place_errors = spread.max(axis=1, initial=0.0)
         velocity_errors = np.full(number, _MOTION_M / interval_s)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep, sizes_of
-from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target
 
 # A shorter object moves as a whole. A part of a longer one is another object only if it has the

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
 from mnsf_ros.objects.motion_memory import Expectation
+from mnsf_ros.objects.motions import JudgedMotions, judge
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 

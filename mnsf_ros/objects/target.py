@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep
-from mnsf_ros.objects.point_grid import REACH_M, PointGrid
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to the reach, that of one behind what the sweep saw to this:

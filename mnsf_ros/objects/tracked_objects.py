@@ -13,9 +13,6 @@ from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# Of what is faster, the box points where it goes; of what is slower, along its longest side.
-_MIN_HEADING_M_S: Final = 1.0
-_MAX_BOX_POINTS: Final = 1000
 # A track that was seen to move so often is told of while most of its points would be hidden.
 _MIN_SEEN: Final = 3
 
@@ -34,72 +31,16 @@ def tracked_objects(
     moving = np.flatnonzero(point_ids > 0)
     moving = moving[np.argsort(point_ids[moving], kind="stable")]
     ids = point_ids[moving]
-    told, seen_of, parts = [], [], []
+    found = []
     for track in tracks:
-        start, end = np.searchsorted(ids, (track.track_id, track.track_id + 1))
-        seen = moving[start:end]
-        points = current.xyz[seen]
-        if not len(seen):
+        seen = moving[slice(*np.searchsorted(ids, (track.track_id, track.track_id + 1)))]
+        points = np.take(current.xyz, seen, axis=0)
+        if len(seen) == 0:
             points = turned(track.points - place, turn.T).astype(np.float32)
-        if len(seen) or _is_hidden(track, points, current):
-            told.append(track)
-            seen_of.append(seen)
-            parts.append(points[:: -(-len(points) // _MAX_BOX_POINTS)])
-    if not told:
-        return ()
-    velocities = turned(np.stack([track.velocity for track in told]), turn.T)
-    covariances = np.kron(np.stack([track.covariance for track in told]), np.eye(3))
-    places = _at_stamp(*_boxes(parts, velocities), velocities, seen_of, current)
-    return tuple(
-        TrackedObject(
-            track_id=track.track_id,
-            center=center,
-            size=size,
-            yaw=float(yaw),
-            velocity=velocity,
-            covariance=covariance,
-            age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
-            num_points=len(seen),
-        )
-        for track, seen, covariance, center, size, yaw, velocity in zip(
-            told, seen_of, covariances, *places, strict=True
-        )
-    )
-
-
-def _at_stamp(
-    centers: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    yaws: NDArray[np.float64],
-    velocities: NDArray[np.float64],
-    seen: Sequence[NDArray[np.int64]],
-    current: ObjectSweep,
-) -> tuple[NDArray[np.float64], ...]:
-    """Returns K boxes where they are at the stamp, in the frame of the sensor then.
-
-    Args:
-        centers: (K, 3) metres, when they were measured, in the frame of the moment of the sweep.
-        sizes: (K, 3) metres.
-        yaws: (K,) radians.
-        velocities: (K, 3) metres per second.
-        seen: The points that show each of them; none if it is hidden.
-        current: The sweep.
-
-    Returns:
-        Centers, sizes, yaws and velocities.
-    """
-    motion, times_s = current.pose.motion, current.sweep.times_s
-    if motion is None or times_s is None:
-        return centers, sizes, yaws, velocities
-    stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
-    turn, place = stamp_from_moment[:3, :3], stamp_from_moment[:3, 3]
-    measured_s = np.array(
-        [times_s[points].mean() if len(points) else motion.moment_s for points in seen]
-    )
-    at_stamp = turned(centers - measured_s[:, None] * velocities, turn) + place
-    headings = np.stack([np.cos(yaws), np.sin(yaws), np.zeros_like(yaws)], axis=1)
-    x, y, _ = turned(headings, turn).T
-    return at_stamp, sizes, np.arctan2(y, x), turned(velocities, turn)
+            if not _is_hidden(track, points, current):
+                continue
+        found.append(_told(track, points, seen, current))
+    return tuple(found)
 
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
@@ -109,52 +50,53 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
     return 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
 
 
-def _boxes(
-    parts: Sequence[NDArray[np.float32]], velocities: NDArray[np.float64]
+def _told(
+    track: Track, points: NDArray[np.float32], seen: NDArray[np.int64], current: ObjectSweep
+) -> TrackedObject:
+    """A track at the stamp of the sweep, in the frame of the sensor then.
+
+    Its points (P, 3), metres, P > 0, are those `seen` (P,), or else the expected ones.
+    """
+    velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
+    center, size, heading = _box(points.astype(np.float64), velocity)
+    motion, times_s = current.pose.motion, current.sweep.times_s
+    if motion is not None and times_s is not None:
+        measured_s = times_s[seen].mean() if len(seen) else motion.moment_s
+        stamp_from_moment = np.linalg.inv(motion.moment_from_stamp)
+        center = stamp_from_moment[:3, :3] @ (center - measured_s * velocity)
+        center += stamp_from_moment[:3, 3]
+        velocity, heading = (stamp_from_moment[:3, :3] @ each for each in (velocity, heading))
+    return TrackedObject(
+        track_id=track.track_id,
+        center=center,
+        size=size,
+        yaw=float(np.arctan2(heading[1], heading[0])),
+        velocity=velocity,
+        covariance=np.kron(track.covariance, np.eye(3)),
+        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
+        num_points=len(seen),
+    )
+
+
+def _box(
+    points: NDArray[np.float64], velocity: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the upright boxes around K > 0 sets of points, none of them empty.
+    """The upright box around points (P, 3), P > 0: center, size, and where its front points to.
 
-    Args:
-        parts: K sets of points (P, 3), metres.
-        velocities: (K, 3) of each set.
-
-    Returns:
-        Centers (K, 3) and sizes (K, 3) in metres, and yaws (K,) in radians.
+    This is where it goes with its velocity (3,), or along its longest direction, if that makes the
+    smaller box: of what is slow, the direction of the velocity is mostly noise.
     """
-    points = np.concatenate(parts).astype(np.float64)
-    counts = np.array([len(part) for part in parts])
-    starts, owners = np.cumsum(counts) - counts, np.repeat(np.arange(len(parts)), counts)
-    middles = np.add.reduceat(points, starts, axis=0) / counts[:, None]
-    x, y, z = (points - middles[owners]).T
-    yaws = _headings(x, y, starts, velocities)
-    cosines, sines = np.cos(yaws), np.sin(yaws)
-    ahead = x * cosines[owners] + y * sines[owners]
-    aside = y * cosines[owners] - x * sines[owners]
-    along = np.stack([ahead, aside, z], axis=1)
-    low, high = np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
-    x, y, z = ((low + high) / 2).T
-    shifts = np.stack([x * cosines - y * sines, x * sines + y * cosines, z], axis=1)
-    return middles + shifts, high - low, yaws
-
-
-def _headings(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    starts: NDArray[np.int64],
-    velocities: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Returns (K,) where velocities point to, or of slow objects their longest direction.
-
-    Args:
-        x: (P,) metres, the places of points around the middle of their object.
-        y: (P,) the same.
-        starts: (K,) the first point of each object.
-        velocities: (K, 3) of each object.
-    """
-    across, along = np.add.reduceat(x * y, starts), np.add.reduceat(x * x - y * y, starts)
-    longest = np.arctan2(2 * across, along) / 2
-    cosines, sines = np.cos(longest), np.sin(longest)
-    is_backward = velocities[:, 0] * cosines + velocities[:, 1] * sines < 0
-    longest = np.where(is_backward, np.arctan2(-sines, -cosines), longest)
-    is_fast = np.hypot(velocities[:, 0], velocities[:, 1]) > _MIN_HEADING_M_S
-    return np.where(is_fast, np.arctan2(velocities[:, 1], velocities[:, 0]), longest)
+    middle = points.mean(axis=0)
+    around = points - middle
+    x, y, _ = around.T
+    longest = np.arctan2(2 * (x * y).sum(), (x * x - y * y).sum()) / 2
+    goes = np.arctan2(velocity[1], velocity[0])
+    # Of the two ways along the longest direction the one that is nearer to where it goes.
+    longest += np.pi * (np.cos(longest - goes) < 0)
+    boxes = []
+    for yaw in (goes, longest):
+        axes = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        along = turned(around, axes)
+        low, high = along.min(axis=0), along.max(axis=0)
+        boxes.append((middle + axes.T @ ((low + high) / 2), high - low, axes[0]))
+    return min(boxes, key=lambda box: box[1][0] * box[1][1])

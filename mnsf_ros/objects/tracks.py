@@ -10,16 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Standard deviation of the acceleration of people and cars.
 _ACCELERATION_M_S2: Final = 3.0
-# A track ends if it was not seen for this long: it stopped, or is gone.
-_MAX_UNSEEN_S: Final = 0.5
-# With a slow sensor, for so many sweeps.
-_MAX_UNSEEN_SWEEPS: Final = 2.5
+# A track ends if it was not seen for so long that it may be out of reach of where it is expected.
+_MAX_UNSEEN_S: Final = np.sqrt(2 * REACH_M / _ACCELERATION_M_S2)
 # A thing is that of a track if more than this share of its points is where the track expects it.
 MIN_SHARE: Final = 0.2
 
@@ -133,10 +131,9 @@ def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[n
     return (left[:, :, :, None] * right[:, None]).sum(axis=2)
 
 
-def alive(tracks: Sequence[Track], stamp_ns: int, interval_s: float) -> list[Track]:
+def alive(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
     """Tracks that may still be seen at a time, as they are expected then."""
-    max_unseen_s = max(_MAX_UNSEEN_S, _MAX_UNSEEN_SWEEPS * interval_s)
-    limit_ns = stamp_ns - max_unseen_s * NANOSECONDS
+    limit_ns = stamp_ns - _MAX_UNSEEN_S * NANOSECONDS
     known = [track for track in tracks if limit_ns <= track.seen_ns <= stamp_ns]
     return _expected(known, stamp_ns)
 

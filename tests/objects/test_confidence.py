@@ -7,7 +7,7 @@ import numpy as np
 from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.confidence import moving_confidence
-from mnsf_ros.objects.motion_fusion import judge
+from mnsf_ros.objects.motions import judge
 from mnsf_ros.objects.target import Targets
 
 MOTION = np.array([0.6, 0.0, 0.0], np.float32)

@@ -8,8 +8,8 @@ import pytest
 from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.decision import evidence, free_space, moves, moving_scores
-from mnsf_ros.objects.motion_fusion import judge
 from mnsf_ros.objects.motion_memory import Expectation
+from mnsf_ros.objects.motions import judge
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import Settings

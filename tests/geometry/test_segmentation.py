@@ -6,14 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import ndimage
-from small_scenes import rows
 
-from mnsf_ros.objects.segmentation import Segmentation
+from mnsf_ros.geometry.segmentation import Segmentation
 
 
 @pytest.mark.parametrize("extent_m", [1e3, 1e6])
 def test_a_huge_extent_is_segmented_coarser(extent_m):
-    points = rows((0, 0, 0), (0.5, 0, 0), (extent_m, extent_m, 0))
+    points = np.float32([(0, 0, 0), (0.5, 0, 0), (extent_m, extent_m, 0)])
     segmentation = Segmentation(points, 0.05)
     assert segmentation.objects_of(points).tolist() == ([1, 2, 3] if extent_m < 500 else [1, 1, 2])
     assert segmentation._labels.size <= 2050**2

@@ -7,12 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.point_grid import PointGrid
-from mnsf_ros.objects.range_view import NUM_AZIMUTHS
+from mnsf_ros.geometry.point_grid import PointGrid
+from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
 
-# Points of one direction that were measured later than the first by this share of the sweep were
-# seen again.
-_AGAIN_SHARE: Final = 0.5
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
 _MAX_SPREAD: Final = 0.05
@@ -41,11 +38,12 @@ class SweepClock:
         """
         if len(xyz) == 0:
             return None
-        cells = _azimuths(xyz)
+        cells = azimuths_of(xyz)
         span_s = float(times_s.max()) - float(times_s.min())
         first = np.full(NUM_AZIMUTHS, np.inf, np.float32)
         np.minimum.at(first, cells, times_s)
-        is_again = times_s > first[cells] + np.float32(_AGAIN_SHARE * span_s)
+        # What was measured later by half of the sweep is a second view.
+        is_again = times_s > first[cells] + np.float32(span_s / 2)
         own_cells, own_s = cells[~is_again], times_s[~is_again]
         counts = np.bincount(own_cells, minlength=NUM_AZIMUTHS)
         means = np.bincount(own_cells, own_s, NUM_AZIMUTHS) / np.maximum(counts, 1)
@@ -62,7 +60,7 @@ class SweepClock:
 
     def times_of(self, positions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (P,) seconds from the stamp to when places (P, 3) were measured first."""
-        return self.times_s[_azimuths(positions)]
+        return self.times_s[azimuths_of(positions)]
 
     def owners_again(
         self,
@@ -86,13 +84,6 @@ class SweepClock:
         nearest = PointGrid(moved).nearest(xyz[again])
         is_near = nearest >= 0
         return again[is_near], rows[nearest[is_near]]
-
-
-def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Returns (N,) the azimuth of points (N, 3) as a cell from 0 to 719."""
-    angles = np.arctan2(xyz[:, 1], xyz[:, 0])
-    scaled = (angles + np.float32(np.pi)) * np.float32(NUM_AZIMUTHS / (2 * np.pi))
-    return np.minimum(scaled.astype(np.int64), NUM_AZIMUTHS - 1)
 
 
 def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -13,13 +13,8 @@ REACH_M: Final = 0.5
 # The nearest point is in a cell that touches that of the place. Most often it is the same one if
 # cells are a little larger than the reach.
 _CELL_M: Final = np.float32(1.25 * REACH_M)
-# Cells share buckets; what is in another cell of the same bucket is too far off to count.
-_MAX_BUCKETS: Final = 2**17
-_BUCKETS_PER_POINT: Final = 8
-_ACROSS: Final = 73_856_093
-_ALONG: Final = 19_349_663
-# Cells farther out than this are all the same: their numbers would not fit into integers.
-_MAX_CELL: Final = np.float32(1e9)
+# Places farther out are in the outermost cells: numbers of cells have 21 bits.
+_HALF: Final = 2**20
 
 
 class PointGrid:
@@ -84,6 +79,18 @@ class PointGrid:
         )
 
 
+@compiled("int64(float32)")
+def _cell(place_m: np.float32) -> int:
+    """The number of a cell along an axis."""
+    return int(np.floor(max(-_HALF, min(_HALF - 1, place_m / _CELL_M))))
+
+
+@compiled("int64(int64, int64, int64)")
+def _hashed(across: int, along: int, up: int) -> int:
+    """A number that differs for most cells; that of the cell above is higher by one."""
+    return (across * 73_856_093 ^ along * 19_349_663) + up
+
+
 @compiled("Tuple((int32[::1], float32[:, ::1], int32[::1]))(float32[:, ::1])")
 def _in_buckets(
     points: NDArray[np.float32],
@@ -94,18 +101,15 @@ def _in_buckets(
         The start of each bucket and the end of the last one, the points in their order, and (T,)
         their rows.
     """
+    # Cells share buckets; what is in another cell of the same bucket is too far off to count.
     number = 1
-    while number < _BUCKETS_PER_POINT * len(points) and number < _MAX_BUCKETS:
+    while number < 2 * len(points):
         number *= 2
     starts = np.zeros(number + 1, np.int32)
-    buckets = np.zeros(len(points), np.int32)
+    buckets = np.empty(len(points), np.int32)
     for row in range(len(points)):
-        x = np.floor(points[row, 0] / _CELL_M)
-        y = np.floor(points[row, 1] / _CELL_M)
-        z = np.floor(points[row, 2] / _CELL_M)
-        if abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL:
-            cell = (int(x) * _ACROSS ^ int(y) * _ALONG) + int(z)
-            buckets[row] = cell & (number - 1)
+        x, y, z = _cell(points[row, 0]), _cell(points[row, 1]), _cell(points[row, 2])
+        buckets[row] = _hashed(x, y, z) & (number - 1)
         starts[buckets[row]] += 1
     for bucket in range(number):
         starts[bucket + 1] += starts[bucket]
@@ -165,11 +169,10 @@ def _nearest(
 ) -> tuple[int, np.float32]:
     """The row of the nearest point, -1 without one in reach, and its squared distance."""
     row, least = -1, reach_m * reach_m
-    x, y, z = np.floor(px / _CELL_M), np.floor(py / _CELL_M), np.floor(pz / _CELL_M)
-    if not (abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL):
-        return row, least
-    ix, iy, iz = int(x), int(y), int(z)
-    in_x, in_y, in_z = px - x * _CELL_M, py - y * _CELL_M, pz - z * _CELL_M
+    x, y, z = _cell(px), _cell(py), _cell(pz)
+    in_x = px - np.float32(x) * _CELL_M
+    in_y = py - np.float32(y) * _CELL_M
+    in_z = pz - np.float32(z) * _CELL_M
     # Squared distances to the cells below and above.
     below, above = in_z * in_z, (_CELL_M - in_z) * (_CELL_M - in_z)
     enough = within_m * within_m
@@ -182,7 +185,7 @@ def _nearest(
             beside = to_x * to_x + to_y * to_y
             if beside >= least:
                 continue
-            bucket = ((ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG) + iz
+            bucket = _hashed(x + by_x, y + by_y, z)
             row, least = _nearer(bucket, px, py, pz, row, least, enough, starts, points)
             if beside + below < least and least > enough:
                 row, least = _nearer(bucket - 1, px, py, pz, row, least, enough, starts, points)

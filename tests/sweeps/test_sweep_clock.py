@@ -11,11 +11,11 @@ from bent_sweeps import Turning
 
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.methods import make_method
-from mnsf_ros.objects.sweep_clock import SweepClock
 from mnsf_ros.presets import preset
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps.sweep_clock import SweepClock
 
 STREET = SimulationSettings(seed=1, duration_s=2.0, num_beams=32, num_columns=1000)
 

@@ -49,6 +49,11 @@ class RangeView:
         return self._nearest[cells] + _margins(ranges) < ranges
 
 
+def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Returns (N,) the azimuth of points (N, 3), sensor frame, as a cell from 0 to 719."""
+    return _directions(np.ascontiguousarray(xyz))[0] % NUM_AZIMUTHS
+
+
 def _margins(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from box_street import pose
 from scipy.spatial import cKDTree
-from small_scenes import rows
 
-from mnsf_ros.objects.point_grid import REACH_M, PointGrid
+from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 
 NOWHERE = np.zeros((1, 3), np.float32)
 
@@ -25,7 +24,7 @@ def compared(grid, positions, reach_m=0.5, within_m=0.0, motion=(0, 0, 0), trans
     return grid.compared(
         positions,
         np.arange(len(positions)),
-        np.tile(rows(motion), (len(positions), 1)),
+        np.tile(np.float32([motion]), (len(positions), 1)),
         np.eye(4) if transform is None else transform,
         np.full(len(positions), within_m, np.float32),
         np.full(len(positions), reach_m, np.float32),
@@ -80,7 +79,7 @@ class TestPointGrid:
 
     @pytest.mark.parametrize("far_m", [1e8, 3e9, 1e19, 3e38, np.inf, np.nan])
     def test_huge_coordinates_are_nowhere(self, far_m):
-        far = rows((far_m, 0, 0), (0, -far_m, 0), (-far_m, far_m, far_m), (0, 0, far_m))
+        far = np.float32([(far_m, 0, 0), (0, -far_m, 0), (-far_m, far_m, far_m), (0, 0, far_m)])
         with np.errstate(over="ignore", invalid="ignore"):
             near = PointGrid(np.concatenate([far, NOWHERE]))
             distances, _, counts = compared(near, np.concatenate([far + 1.0, NOWHERE]))
