@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -28,6 +29,8 @@ def tracked_objects(
         point_ids: (N,) the number of the track that each of its points belongs to, 0 for none.
     """
     turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
+    motion = current.pose.motion
+    stamp_from_moment = np.eye(4) if motion is None else np.linalg.inv(motion.moment_from_stamp)
     moving = np.flatnonzero(point_ids > 0)
     moving = moving[np.argsort(point_ids[moving], kind="stable")]
     ids = point_ids[moving]
@@ -37,10 +40,45 @@ def tracked_objects(
         points = np.take(current.xyz, seen, axis=0)
         if len(seen) == 0:
             points = turned(track.points - place, turn.T).astype(np.float32)
-            if not _is_hidden(track, points, current):
-                continue
-        found.append(_told(track, points, seen, current))
+        if len(seen) or _is_hidden(track, points, current):
+            box = _box(points, turn.T @ track.velocity)
+            found.append(_told(track, box, current, seen, stamp_from_moment))
     return tuple(found)
+
+
+def _told(
+    track: Track,
+    box: NDArray[np.float64],
+    current: ObjectSweep,
+    seen: NDArray[np.int64],
+    stamp_from_moment: NDArray[np.float64],
+) -> TrackedObject:
+    """A track at the stamp of the sweep, in the frame of the sensor then.
+
+    Args:
+        track: The track.
+        box: (7,) around its points in one moment, see `_box`.
+        current: The sweep.
+        seen: Its points; none if it is hidden.
+        stamp_from_moment: (4, 4) from the frame of the moment.
+    """
+    velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
+    center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
+    if motion is not None and times_s is not None:
+        # What moves was there when it was measured.
+        center = center - velocity * (times_s[seen].mean() if len(seen) else motion.moment_s)
+    turn = stamp_from_moment[:3, :3]
+    x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
+    return TrackedObject(
+        track_id=track.track_id,
+        center=turn @ center + stamp_from_moment[:3, 3],
+        size=box[3:6],
+        yaw=float(np.arctan2(y, x)),
+        velocity=turn @ velocity,
+        covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
+        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
+        num_points=len(seen),
+    )
 
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
@@ -50,53 +88,39 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
     return 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
 
 
-def _told(
-    track: Track, points: NDArray[np.float32], seen: NDArray[np.int64], current: ObjectSweep
-) -> TrackedObject:
-    """A track at the stamp of the sweep, in the frame of the sensor then.
+@compiled("float64[::1](float32[:, ::1], float64[::1])")
+def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the upright box (7,) around points (P, 3), P > 0: center and size, metres, and yaw.
 
-    Its points (P, 3), metres, P > 0, are those `seen` (P,), or else the expected ones.
+    It points to where it goes with its velocity (3,), or along its longest direction, if that makes
+    the smaller box: of what is slow, the direction of the velocity is mostly noise.
     """
-    velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
-    center, size, heading = _box(points.astype(np.float64), velocity)
-    motion, times_s = current.pose.motion, current.sweep.times_s
-    if motion is not None and times_s is not None:
-        measured_s = times_s[seen].mean() if len(seen) else motion.moment_s
-        stamp_from_moment = np.linalg.inv(motion.moment_from_stamp)
-        center = stamp_from_moment[:3, :3] @ (center - measured_s * velocity)
-        center += stamp_from_moment[:3, 3]
-        velocity, heading = (stamp_from_moment[:3, :3] @ each for each in (velocity, heading))
-    return TrackedObject(
-        track_id=track.track_id,
-        center=center,
-        size=size,
-        yaw=float(np.arctan2(heading[1], heading[0])),
-        velocity=velocity,
-        covariance=np.kron(track.covariance, np.eye(3)),
-        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
-        num_points=len(seen),
-    )
-
-
-def _box(
-    points: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The upright box around points (P, 3), P > 0: center, size, and where its front points to.
-
-    This is where it goes with its velocity (3,), or along its longest direction, if that makes the
-    smaller box: of what is slow, the direction of the velocity is mostly noise.
-    """
-    middle = points.mean(axis=0)
-    around = points - middle
-    x, y, _ = around.T
-    longest = np.arctan2(2 * (x * y).sum(), (x * x - y * y).sum()) / 2
-    goes = np.arctan2(velocity[1], velocity[0])
-    # Of the two ways along the longest direction the one that is nearer to where it goes.
-    longest += np.pi * (np.cos(longest - goes) < 0)
-    boxes = []
+    middle = np.zeros(3)
+    for row in range(len(points)):
+        for axis in range(3):
+            middle[axis] += points[row, axis] / len(points)
+    across, along = 0.0, 0.0
+    for row in range(len(points)):
+        x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+        across += 2 * x * y
+        along += x * x - y * y
+    goes, longest = np.arctan2(velocity[1], velocity[0]), np.arctan2(across, along) / 2
+    if np.cos(longest - goes) < 0:
+        longest += np.pi
+    box = np.full(7, np.inf)
+    low, high, place = np.empty(3), np.empty(3), np.empty(3)
     for yaw in (goes, longest):
-        axes = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-        along = turned(around, axes)
-        low, high = along.min(axis=0), along.max(axis=0)
-        boxes.append((middle + axes.T @ ((low + high) / 2), high - low, axes[0]))
-    return min(boxes, key=lambda box: box[1][0] * box[1][1])
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        low[:], high[:] = np.inf, -np.inf
+        for row in range(len(points)):
+            x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+            place[0], place[1] = cosine * x + sine * y, cosine * y - sine * x
+            place[2] = points[row, 2] - middle[2]
+            for axis in range(3):
+                low[axis], high[axis] = min(low[axis], place[axis]), max(high[axis], place[axis])
+        size = high - low
+        if size[0] * size[1] < box[3] * box[4]:
+            x, y, z = (low + high) / 2
+            box[0], box[1] = middle[0] + cosine * x - sine * y, middle[1] + sine * x + cosine * y
+            box[2], box[3:6], box[6] = middle[2] + z, size, yaw
+    return box
