@@ -4,6 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints, spacing_of
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -29,30 +30,44 @@ def attached(
     if len(movers) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     points, point_rows = movers.all_points(current)
-    candidates = np.flatnonzero(is_loose[owners] | (current.heights > NOISE_M) & ~current.kept)
-    theirs, places = owners[candidates], np.take(current.xyz, candidates, axis=0)
-    near = np.flatnonzero(_are_beside(points, places))
+    may_belong = is_loose[owners] | (current.heights > NOISE_M) & ~current.kept
+    beside = _beside(points, current.xyz, may_belong)
+    theirs, places = owners[beside], np.take(current.xyz, beside, axis=0)
     # Beside a mover, what is above the ground by more than the noise is not ground.
-    above_m = current.heights[candidates[near]] - spacing_of(np.take(places, near, axis=0))
-    near = near[is_loose[theirs[near]] | (above_m > 0)]
-    nearest = np.full(len(candidates), -1)
-    nearest[near] = PointGrid(points).nearest(np.take(places, near, axis=0))
-    is_close = nearest >= 0
+    belongs = is_loose[theirs] | (current.heights[beside] > spacing_of(places))
+    nearest = np.full(len(beside), -1)
+    nearest[belongs] = PointGrid(points).nearest(places[belongs])
     # A fragment moves as a whole, or not at all.
-    votes = np.where(is_close, 1, -1)
-    goes = np.bincount(theirs, votes, current.num_objects) > 0
-    goes[0] = True
-    is_close &= goes[theirs]
-    return candidates[is_close], point_rows[nearest[is_close]]
+    whole = np.bincount(owners[is_loose[owners]], minlength=current.num_objects)
+    goes = 2 * np.bincount(theirs[nearest >= 0], minlength=current.num_objects) > whole
+    is_attached = (nearest >= 0) & goes[theirs]
+    return beside[is_attached], point_rows[nearest[is_attached]]
 
 
-def _are_beside(points: NDArray[np.float32], places: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Returns (Q,) which places (Q, 3) are in the cells of points (P, 3) or beside these."""
-    low = points[:, :2].min(axis=0) - np.float32(2 * REACH_M)
-    own, others = (
-        ((xyz[:, :2] - low) / np.float32(REACH_M)).astype(np.int64) for xyz in (points, places)
-    )
-    is_beside = np.zeros(own.max(axis=0) + 3, np.bool_)
-    for shift in np.ndindex(3, 3):
-        is_beside[tuple((own + shift - 1).T)] = True
-    return is_beside[tuple(np.clip(others, 0, np.array(is_beside.shape) - 1).T)]
+@compiled("int64[::1](float32[:, ::1], float32[:, ::1], boolean[::1])")
+def _beside(
+    points: NDArray[np.float32], places: NDArray[np.float32], wanted: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Returns the rows of the wanted of the places (N, 3) that are in reach of points (P, 3).
+
+    As seen from above, and a little more: in the cells of the points, and in those beside them.
+    """
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for row in range(len(points)):
+        low_x, high_x = min(low_x, points[row, 0]), max(high_x, points[row, 0])
+        low_y, high_y = min(low_y, points[row, 1]), max(high_y, points[row, 1])
+    low_x, low_y = low_x - REACH_M, low_y - REACH_M
+    num_rows = int((high_x - low_x) / REACH_M) + 2
+    num_columns = int((high_y - low_y) / REACH_M) + 2
+    is_beside = np.zeros((num_rows, num_columns), np.bool_)
+    for row in range(len(points)):
+        x, y = int((points[row, 0] - low_x) / REACH_M), int((points[row, 1] - low_y) / REACH_M)
+        is_beside[x - 1 : x + 2, y - 1 : y + 2] = True
+    found, number = np.empty(len(places), np.int64), 0
+    for row in range(len(places)):
+        x, y = (places[row, 0] - low_x) / REACH_M, (places[row, 1] - low_y) / REACH_M
+        is_inside = (0 <= x < num_rows) & (0 <= y < num_columns)
+        if wanted[row] and is_inside and is_beside[int(x), int(y)]:
+            found[number] = row
+            number += 1
+    return found[:number].copy()

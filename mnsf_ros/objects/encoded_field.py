@@ -168,8 +168,8 @@ def _normal_equations(
 
 def turning(
     movers: ObjectPoints,
-    motions: NDArray[np.float32],
     groups: NDArray[np.int64],
+    motions: NDArray[np.float32],
     targets: Targets,
     num_iterations: int,
 ) -> Heads:
@@ -181,17 +181,14 @@ def turning(
 
     Args:
         movers: K objects.
-        motions: (K, 3) metres, their motions to the next sweep.
-        groups: (K,) the number from 0 of the thing that each is a part of.
+        groups: (K,) from 0 to G - 1, the thing that each is a part of.
+        motions: (G, 3) metres, the motions of these to the next sweep.
         targets: The other sweeps.
         num_iterations: Steps of each fit.
     """
     things = movers.joined(groups)
-    sums = np.zeros((len(things), 3))
-    np.add.at(sums, groups, motions * movers.counts[:, None])
-    means = (sums / things.counts[:, None]).astype(np.float32)
-    straight = whole(means)
-    steps = {target: target.steps_of(things, means) for target in targets.near}
+    straight = whole(motions)
+    steps = {target: target.steps_of(things, motions) for target in targets.near}
     points = EncodedPoints(things, things.centers, steps)
     fits = [points.fitted(target, straight, num_iterations) for target in targets.near]
     bent = np.mean(fits, axis=0)

@@ -197,7 +197,7 @@ class ObjectFlowEstimator:
 
     def heads(self, scene: Scene, decision: Decision) -> Heads:
         """How the movers move and turn."""
-        movers, is_moving = decision.fitted.objects, decision.is_moving
-        motions, groups = decision.moving.motions[is_moving], decision.groups
+        movers, seen = decision.fitted.objects.only(decision.is_moving), decision.seen
+        motions, targets = seen.motions[seen.are_moving], scene.targets
         num_iterations = self.settings.objects.max_iterations
-        return turning(movers.only(is_moving), motions, groups, scene.targets, num_iterations)
+        return turning(movers, decision.groups, motions, targets, num_iterations)

@@ -25,6 +25,7 @@ class Sightings:
 
     Attributes:
         groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
+        motions: (G, 3) float32, metres to the next sweep, axes of the sensor.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
         scores: (G,) logarithm of the odds that they move, of their likeliest object.
         are_moving: (G,) whether they are said to move.
@@ -34,6 +35,7 @@ class Sightings:
     """
 
     groups: NDArray[np.int64]
+    motions: NDArray[np.float32]
     states: NDArray[np.float64]
     scores: NDArray[np.float64]
     are_moving: NDArray[np.bool_]
@@ -71,6 +73,7 @@ class Sightings:
         centers = _sums(points, owners, number) / weights
         means = _sums(motions * counts[:, None], groups, number) / weights
         velocities = turned(means, world_from_sensor[:3, :3]) / interval_s
+        means = means.astype(np.float32)
         # The middle of the visible points shifts when another side comes into view.
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         place_errors = spread.max(axis=1, initial=0.0)
@@ -80,7 +83,7 @@ class Sightings:
         np.maximum.at(best, groups, scores)
         are_moving = np.bincount(groups, is_moving, number) > 0
         states = np.stack([centers, velocities], axis=1)
-        return cls(groups, states, best, are_moving, variances, points, owners)
+        return cls(groups, means, states, best, are_moving, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)
