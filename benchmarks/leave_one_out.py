@@ -52,12 +52,12 @@ _NONE: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 # Row to what is replaced: owner, name and value.
 _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
-    "free space": _without_term(2),
-    "odds so far": _without_term(3),
-    "length of a motion": _without_term(4),
-    "thickness": _without_term(5),
-    "agreement with a track": _without_term(6),
-    "reach above the sensor": _without_term(7),
+    "free space": _without_term(1),
+    "odds so far": _without_term(2),
+    "length of a motion": _without_term(3),
+    "thickness": _without_term(4),
+    "agreement with a track": _without_term(5),
+    "reach above the sensor": _without_term(6),
     "followed before it is called": (decision, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),

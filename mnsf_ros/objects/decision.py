@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.75, 1.75, 0.9, 0.8, -2.22, -0.61, -0.5, 0.32)
+_WEIGHTS: Final = (-2.5, 0.87, 0.8, -2.25, -0.46, -0.49, 0.23)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
@@ -71,7 +71,7 @@ class Decision:
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move."""
+    """Returns (K,) logarithm of the odds that objects with some evidence (K, 7) move."""
     return (features * np.asarray(_WEIGHTS)).sum(axis=1)
 
 
@@ -108,12 +108,12 @@ def evidence(
     free: NDArray[np.float64],
     are_parts: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Returns (K, 8) features for and against the motions of K objects.
+    """Returns (K, 7) features for and against the motions of K objects.
 
-    These are: 1; whether there are no older sweeps; the logarithm of the number of points in free
-    space; the odds so far; the logarithm of one metre more than a motion that no track expected.
-    And the logarithm of the share of the residual that the motion leaves in the neighbouring
-    sweeps, plus that of the older ones: times the logarithm of the thickness, if a track expected
+    These are: 1; the logarithm of the number of points in free space; the odds so far; the
+    logarithm of one metre more than a motion that no track expected. And the logarithm of the share
+    of the residual that the motion leaves in the neighbouring sweeps, plus that of the older ones,
+    or of the neighbouring ones once more where there are none: times the logarithm of the thickness, if a track expected
     the motion, and times the metres from the sensor up to its top.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
@@ -126,16 +126,13 @@ def evidence(
         are_parts: (K,) whether they were cut out of long objects.
     """
     objects, expected = suspects.objects, suspects.expected
-    has_past = moving.past.shape[1] > 0
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
-    shares = _log_share(moving.cost, standing.cost)
-    if has_past:
-        shares += _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1))
+    older = (moving.older, standing.older)
+    shares = _log_share(moving.cost, standing.cost) + _log_share(*older)
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(suspects)),
-        np.full(len(suspects), not has_past),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
         np.clip(expected.scores, 0.0, _MAX_ODDS),
         np.log1p(lengths) * ~is_same,

@@ -38,14 +38,18 @@ class JudgedMotions:
 
     @cached_property
     def total(self) -> NDArray[np.float64]:
-        """(K,) metres, the cost and the mean residual in older sweeps."""
-        past = self.past.mean(axis=1) if self.past.shape[1] else 0.0
-        return self.cost + past
+        """(K,) metres, the cost and that of the older sweeps."""
+        return self.cost + self.older
 
     @cached_property
     def cost(self) -> NDArray[np.float64]:
         """(K,) metres, the mean residual in the next and the previous sweep."""
         return self.near.mean(axis=1)
+
+    @property
+    def older(self) -> NDArray[np.float64]:
+        """(K,) metres, the mean residual in older sweeps, in the others where there are none."""
+        return self.past.mean(axis=1) if self.past.shape[1] else self.cost
 
     def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> "JudgedMotions":
         """Returns the objects of the (K,) mask, or of rows."""
