@@ -56,7 +56,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "odds so far": _without_term(2),
     "length of a motion": _without_term(3),
     "thickness": _without_term(4),
-    "agreement with a track": _without_term(5),
+    "number of points": _without_term(5),
     "reach above the sensor": _without_term(6),
     "followed before it is called": (decision, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),

@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.5, 0.87, 0.8, -2.25, -0.46, -0.49, 0.23)
+_WEIGHTS: Final = (-2.5, 0.87, 0.8, -3.0, -0.38, -0.16, 0.28)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
@@ -113,8 +113,9 @@ def evidence(
     These are: 1; the logarithm of the number of points in free space; the odds so far; the
     logarithm of one metre more than a motion that no track expected. And the logarithm of the share
     of the residual that the motion leaves in the neighbouring sweeps, plus that of the older ones,
-    or of the neighbouring ones once more where there are none: times the logarithm of the thickness, if a track expected
-    the motion, and times the metres from the sensor up to its top.
+    or of the neighbouring ones once more where there are none: times the logarithm of the
+    thickness, times that of the number of points, and times the metres from the sensor up to its
+    top.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 
@@ -128,8 +129,7 @@ def evidence(
     objects, expected = suspects.objects, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
-    older = (moving.older, standing.older)
-    shares = _log_share(moving.cost, standing.cost) + _log_share(*older)
+    shares = _log_share(moving.cost, standing.cost) + _log_share(moving.older, standing.older)
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(suspects)),
@@ -137,7 +137,7 @@ def evidence(
         np.clip(expected.scores, 0.0, _MAX_ODDS),
         np.log1p(lengths) * ~is_same,
         shares * thicknesses,
-        shares * is_same,
+        shares * np.log(objects.counts),
         shares * objects.tops,
     )
     return np.stack(columns, axis=1).astype(np.float64)
