@@ -191,7 +191,7 @@ class ObjectSettings:
         24.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(12, 40)
     )
     points_per_object: int = declared(
-        32, "Maximum number of points of an object used to fit its motion", 8, 1000
+        48, "Maximum number of points of an object used to fit its motion", 8, 1000
     )
     max_suspects: int = declared(
         300, "Maximum number of objects whose motion is searched for: moving, nearest", 1, 100_000

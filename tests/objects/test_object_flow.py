@@ -234,7 +234,7 @@ class TestManyMovers:
         stretch, estimator = Stretch(), ObjectFlowEstimator(SETTINGS)
         for first in range(3):
             estimator.estimate(self.triplet(first, stretch=stretch))
-        estimator = estimator.with_settings(SETTINGS.changed({"objects.max_suspects": 12}))
+        estimator = estimator.with_settings(SETTINGS.changed({"objects.max_suspects": 16}))
         result = estimator.estimate(self.triplet(3, stretch=stretch))
         assert result.num_left_out > 0
         assert (self.moving_share(result) > 0.5).all()
