@@ -82,7 +82,7 @@ class PointGrid:
 @compiled("int64(float32)")
 def _cell(place_m: np.float32) -> int:
     """The number of a cell along an axis."""
-    return int(np.floor(max(-_HALF, min(_HALF - 1, place_m / _CELL_M))))
+    return int(np.floor(max(-_HALF, min(_HALF - 1, float(place_m / _CELL_M)))))
 
 
 @compiled("int64(int64, int64, int64)")

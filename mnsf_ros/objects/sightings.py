@@ -73,7 +73,6 @@ class Sightings:
         centers = _sums(points, owners, number) / weights
         means = _sums(motions * counts[:, None], groups, number) / weights
         velocities = turned(means, world_from_sensor[:3, :3]) / interval_s
-        means = means.astype(np.float32)
         # The middle of the visible points shifts when another side comes into view.
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         place_errors = spread.max(axis=1, initial=0.0)
@@ -83,7 +82,8 @@ class Sightings:
         np.maximum.at(best, groups, scores)
         are_moving = np.bincount(groups, is_moving, number) > 0
         states = np.stack([centers, velocities], axis=1)
-        return cls(groups, means, states, best, are_moving, variances, points, owners)
+        means_m = means.astype(np.float32)
+        return cls(groups, means_m, states, best, are_moving, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)

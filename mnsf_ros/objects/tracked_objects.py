@@ -30,7 +30,9 @@ def tracked_objects(
     """
     turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
     motion = current.pose.motion
-    stamp_from_moment = np.eye(4) if motion is None else np.linalg.inv(motion.moment_from_stamp)
+    stamp_from_moment = np.eye(4)
+    if motion is not None:
+        stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
     moving = np.flatnonzero(point_ids > 0)
     moving = moving[np.argsort(point_ids[moving], kind="stable")]
     ids = point_ids[moving]
