@@ -2,7 +2,6 @@
 """Tracked objects: box, velocity and age of each mover."""
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.sweeps.sweep import NANOSECONDS
-
-# A track that was seen to move so often is told of while most of its points would be hidden.
-_MIN_SEEN: Final = 3
 
 
 def tracked_objects(
@@ -84,10 +80,8 @@ def _told(
 
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
-    """Whether something occludes the points (P, 3) where a track is expected."""
-    if track.num_seen < _MIN_SEEN or len(points) == 0:
-        return False
-    return 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
+    """Whether something occludes the points (P, 3) where what moves most likely is expected."""
+    return track.score > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
 
 
 @compiled("float64[::1](float32[:, ::1], float64[::1])")
