@@ -20,7 +20,7 @@ _WEIGHTS: Final = (-2.4, 0.97, 0.8, -3.25, -0.43, -0.14, 0.28)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
-_TENTATIVE: Final = 2.5
+_TENTATIVE: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,8 +149,6 @@ _CELL_M: Final = 0.4
 _MAX_CELLS_OF_MARGIN: Final = 64
 # Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
 _NUM_LEVELS: Final = 16
-# Cells are three thinned points wide: every other point is plenty.
-_STEP: Final = 2
 
 
 class VotingGrid:
@@ -211,7 +209,7 @@ def _mark(
 ) -> None:
     """Marks the cells of transformed points that are inside, and those above and below."""
     cell = np.zeros(3, np.float32)
-    for index in range(0, len(points), _STEP):
+    for index in range(len(points)):
         x, y, z = points[index, 0], points[index, 1], points[index, 2]
         for axis in range(3):
             turned = x * transform[axis, 0] + y * transform[axis, 1] + z * transform[axis, 2]
