@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
-from mnsf_ros.objects.motions import best_of, fit_motion_field
+from mnsf_ros.objects.motions import CLEARLY_SHARE, best_of, fit_motion_field
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target, Targets
@@ -49,7 +49,8 @@ def first_guesses(
             some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
         )
         best = best_of(some, targets, best, [voted])
-    is_worth = expected.is_known | (best.total < suspects.standing.total) | (not targets.past)
+    explains = best.total < CLEARLY_SHARE * suspects.standing.total
+    is_worth = expected.is_known | explains | (not targets.past)
     return best.motions, is_worth
 
 

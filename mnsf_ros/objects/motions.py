@@ -14,9 +14,10 @@ from mnsf_ros.objects.target import Target, Targets
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
-# A motion that was not fitted to the neighbouring sweeps must explain clearly more: over a longer
-# time nothing moves evenly, least of all what brakes.
-_MAX_SHARE: Final = 0.8
+# A motion explains clearly more than another one if it leaves less than this share of its residual.
+# One that was not fitted to the neighbouring sweeps must: over a longer time nothing moves evenly,
+# least of all what brakes.
+CLEARLY_SHARE: Final = 0.8
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
@@ -171,5 +172,5 @@ def fuse_motions(
     mean = np.float32(0.5) * (forward + inverted)
     some = objects.thinner()
     fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
-    best = fitted.better(best_of(some, targets, fitted, others), _MAX_SHARE)
+    best = fitted.better(best_of(some, targets, fitted, others), CLEARLY_SHARE)
     return judge(objects, targets, best.motions)
