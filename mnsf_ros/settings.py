@@ -185,7 +185,7 @@ class ObjectSettings:
         60_000, "Maximum number of points of a sweep that are compared", 1000, 10_000_000
     )
     min_points: int = declared(
-        4, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
+        5, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
     )
     max_size_m: float = declared(
         24.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(12, 40)
