@@ -17,11 +17,11 @@ from mnsf_ros.objects.target import Targets
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
 # Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
 # per logarithm of one more than the score that they move, and of one metre more than the length.
-_MOVING: Final = (0.04, -0.87, 0.94, -1.51)
+_MOVING: Final = (0.2, -0.78, 0.79, -1.25)
 # Suspects without an accepted motion: constant, per metre of residual.
-_DOUBTFUL: Final = (2.09, -7.47)
+_DOUBTFUL: Final = (1.91, -6.51)
 # Points that were never suspects: constant, per 10 m of range.
-_STANDING: Final = (3.13, -0.34)
+_STANDING: Final = (3.12, -0.34)
 # Motions that differ by this should explain an object worse: along a flat side they do not.
 _BESIDE_M: Final = 0.2
 
