@@ -15,8 +15,7 @@ from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.ground_surface import GroundSurface
-from mnsf_ros.sweeps.kept_points import MIN_POINTS, crop_mask
+from mnsf_ros.sweeps.kept_points import MIN_POINTS, ground_under
 from mnsf_ros.sweeps.range_view import RangeView
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_clock import SweepClock
@@ -53,13 +52,9 @@ class ObjectSweep:
         self.sweep = sweep
         self.pose = pose
         self.xyz = pose.in_one_moment(sweep)
-        self.kept = crop_mask(self.xyz, settings.crop)
-        cropped = chosen_points(self.xyz, self.kept)
-        self.ground = GroundSurface(cropped, settings.ground)
-        self.heights = np.full(len(self.xyz), np.nan, np.float32)
-        self.heights[self.kept] = self.ground.heights(cropped)
-        if settings.ground.remove:
-            self.kept = self.heights > settings.ground.margin_m
+        self.ground, self.heights = ground_under(self.xyz, settings)
+        lowest_m = settings.ground.margin_m if settings.ground.remove else -np.inf
+        self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
             self.clock = SweepClock.of(self.xyz, sweep.times_s)

@@ -8,7 +8,7 @@ from mnsf_ros.compiled import compiled
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.settings import CropSettings, Settings
-from mnsf_ros.sweeps.ground_surface import ground_mask
+from mnsf_ros.sweeps.ground_surface import GroundSurface
 from mnsf_ros.sweeps.sweep import Sweep
 
 MIN_POINTS = 10
@@ -35,10 +35,21 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
 
 def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:
     """Mask (N,) of the points (N, 3), sensor frame, inside the crop and above ground."""
-    kept = crop_mask(xyz, settings.crop)
-    if settings.ground.remove:
-        kept[kept] = ~ground_mask(chosen_points(xyz, kept), settings.ground)
-    return kept
+    if not settings.ground.remove:
+        return crop_mask(xyz, settings.crop)
+    return np.asarray(ground_under(xyz, settings)[1] > settings.ground.margin_m)
+
+
+def ground_under(
+    xyz: NDArray[np.float32], settings: Settings
+) -> tuple[GroundSurface, NDArray[np.float32]]:
+    """The ground under points (N, 3), and (N,) metres, how far they are above; NaN if cropped."""
+    inside = crop_mask(xyz, settings.crop)
+    cropped = chosen_points(xyz, inside)
+    ground = GroundSurface(cropped, settings.ground)
+    heights = np.full(len(xyz), np.nan, np.float32)
+    heights[inside] = ground.heights(cropped)
+    return ground, heights
 
 
 def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bool_]:
