@@ -17,8 +17,8 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: what moves pulls as long as it is within.
-# In random worlds registration follows traffic more often with 0.3 m, and is lost more often with
+# Points farther from their surface than this do not count: what moves pulls while it is within. In
+# random worlds registration follows traffic more often with 0.3 m, and is lost more often with
 # 0.08 m; on three of four real lidars turns are more exact than with 0.3 m.
 _REACH_M: Final = 0.15
 _MAX_STEPS: Final = 10
