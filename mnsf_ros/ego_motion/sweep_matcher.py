@@ -17,12 +17,8 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: what moves pulls while it is within. In
-# random worlds registration follows traffic more often with 0.3 m, and is lost more often with
-# 0.08 m; on three of four real lidars turns are more exact than with 0.3 m.
-_REACH_M: Final = 0.15
-# From one of the starts of a search the pose may be half of their spacing away.
-_SEARCH_REACH_M: Final = 0.3
+# Points farther from their surface than this do not count: vehicles that move along.
+_REACH_M: Final = 0.3
 _MAX_STEPS: Final = 10
 # Steps smaller than this, in metres at 30 m range, are the last.
 _LAST_STEP_M: Final = 0.001
@@ -107,10 +103,7 @@ class SweepMatcher:
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
-        settled = [
-            self._aligned(cloud.points, start, reach_m=_SEARCH_REACH_M)
-            for start in self._starts(cloud)
-        ]
+        settled = [self._aligned(cloud.points, start) for start in self._starts(cloud)]
         # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         # by all that stands they do not.
         best, _ = max(settled, key=lambda found: found[1].upright)
@@ -131,10 +124,7 @@ class SweepMatcher:
             ]
             counts = np.array(
                 [
-                    [
-                        self._map.compared(some, pose, _SEARCH_REACH_M).num_on_surfaces
-                        for pose in row
-                    ]
+                    [self._map.compared(some, pose, _REACH_M).num_on_surfaces for pose in row]
                     for row in places
                 ]
             )
@@ -149,7 +139,6 @@ class SweepMatcher:
         points: NDArray[np.float32],
         start: NDArray[np.float64],
         expected: Placed | None = None,
-        reach_m: float = _REACH_M,
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
 
@@ -161,7 +150,7 @@ class SweepMatcher:
         holds = _POINT_M**2 * np.linalg.inv(expected.covariance[:3, :3])
         pose = start.copy()
         for _ in range(_MAX_STEPS):
-            there = self._map.compared(points, pose, reach_m)
+            there = self._map.compared(points, pose, _REACH_M)
             gradient, curvature = there.gradient.copy(), there.curvature.copy()
             gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
             curvature[:3, :3] += holds
