@@ -39,14 +39,13 @@ def tracked_objects(
         if len(seen) == 0:
             points = turned(track.points - place, turn.T).astype(np.float32)
         if len(seen) or _is_hidden(track, points, current):
-            box = _box(points, turn.T @ track.velocity)
-            found.append(_told(track, box, current, seen, stamp_from_moment))
+            found.append(_told(track, points, current, seen, stamp_from_moment))
     return tuple(found)
 
 
 def _told(
     track: Track,
-    box: NDArray[np.float64],
+    points: NDArray[np.float32],
     current: ObjectSweep,
     seen: NDArray[np.int64],
     stamp_from_moment: NDArray[np.float64],
@@ -55,12 +54,13 @@ def _told(
 
     Args:
         track: The track.
-        box: (7,) around its points in one moment, see `_box`.
+        points: (P, 3) metres, where its points are in one moment.
         current: The sweep.
-        seen: Its points; none if it is hidden.
+        seen: Their rows in the sweep; none if it is hidden.
         stamp_from_moment: (4, 4) from the frame of the moment.
     """
     velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
+    box = _box(points, velocity)
     center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
     if motion is not None and times_s is not None:
         # What moves was there when it was measured.
