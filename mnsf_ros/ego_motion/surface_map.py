@@ -31,14 +31,14 @@ class Comparison:
 
     Attributes:
         num_on_surfaces: Points that are near enough to the surface of their cell.
-        num_explained: These, and points in cells that are not empty but have no surface yet.
+        num_known: Points in cells that are not empty.
         gradient: (6,) of half the squared distances, by a shift of the points along the axes of the
             world in metres, then by a turn about the sensor in radians.
         curvature: (6, 6) its derivative.
     """
 
     num_on_surfaces: int
-    num_explained: int
+    num_known: int
     gradient: NDArray[np.float64]
     curvature: NDArray[np.float64]
 
@@ -97,14 +97,13 @@ class SurfaceMap:
             pose: (4, 4) of the sensor.
             within_m: Points farther from the surface of their cell do not count.
         """
-        equations, on_surfaces, elsewhere = np.zeros((6, 7)), 0, 0
+        equations, found = np.zeros((6, 7)), (0, 0)
         moved = self._moved(points, pose)
         if moved is not None:
             cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
-            on_surfaces, elsewhere = compare(
+            found = compare(
                 moved, cells, self._surfaces, tuple(sensor.tolist()), within_m, equations
             )
-        found = on_surfaces, on_surfaces + elsewhere
         return Comparison(*found, gradient=equations[:, 6], curvature=equations[:, :6])
 
     def _moved(

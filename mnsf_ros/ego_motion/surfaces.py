@@ -251,16 +251,16 @@ def compare(
             in the last column the gradient of half the squared distances.
 
     Returns:
-        How many points are on surfaces, and how many are in cells that have none.
+        How many points are on surfaces, and how many are in cells.
     """
-    on_surfaces, elsewhere, reach = 0, 0, within_m * within_m
+    on_surfaces, known, reach = 0, 0, within_m * within_m
     for row in range(len(points)):
         cell = int(cells[row])
         if cell < 0:
             continue
+        known += 1
         # Not in rows of `surfaces`: making one for each point takes longer than all the rest.
         if surfaces[cell, 1, 0] + surfaces[cell, 2, 1] + surfaces[cell, 3, 2] == 0.0:
-            elsewhere += 1
             continue
         px, py, pz = points[row, 0], points[row, 1], points[row, 2]
         x, y, z = px - surfaces[cell, 0, 0], py - surfaces[cell, 0, 1], pz - surfaces[cell, 0, 2]
@@ -279,4 +279,4 @@ def compare(
     for first in range(3):
         for axis in range(3):
             equations[3 + axis, first] = equations[first, 3 + axis]
-    return on_surfaces, elsewhere
+    return on_surfaces, known

@@ -17,8 +17,10 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: vehicles that move along.
-_REACH_M: Final = 0.3
+# Points farther from their surface than this do not count: vehicles that move along. Starts of a
+# search are farther apart, and a pose that errs by more is not known.
+_REACH_M: Final = 0.15
+_SEARCH_REACH_M: Final = 0.3
 _MAX_STEPS: Final = 10
 # Steps smaller than this, in metres at 30 m range, are the last.
 _LAST_STEP_M: Final = 0.001
@@ -40,9 +42,10 @@ _SEARCHED: Final = (
 )
 _SEARCH_POINTS: Final = 1000
 _SEARCH_STARTS: Final = 5
-# A motion that explains fewer of the points is not one to trust: .57 and more for the second sweep
-# of random worlds, at 17 m/s with 32 beams; .38 and less for sweeps of other places (tunnels .72).
-_MIN_EXPLAINED: Final = 0.47
+# Fewer of the points in cells that were seen before are those of another place: .55 and more of the
+# second sweep of random worlds but for two of 120 with 16 beams, .46 and less of other places
+# (tunnels .62).
+_MIN_KNOWN: Final = 0.47
 _MIN_POINTS: Final = 50
 
 
@@ -96,18 +99,20 @@ class SweepMatcher:
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            found = _explained(cloud, *self._aligned(cloud.points, expected.pose, expected))
+            there = self._aligned(cloud.points, expected.pose, expected=expected)
+            found = _explained(cloud, *there)
             if found is not None:
                 return found
         return self._searched(cloud)
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
-        settled = [self._aligned(cloud.points, start) for start in self._starts(cloud)]
+        starts = self._starts(cloud)
+        starts += [self._aligned(cloud.points, start, _SEARCH_REACH_M)[0] for start in starts]
+        settled = [self._aligned(cloud.points, start) for start in starts]
         # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         # by all that stands they do not.
-        best, _ = max(settled, key=lambda found: found[1].upright)
-        return _explained(cloud, *self._aligned(cloud.points, best))
+        return _explained(cloud, *max(settled, key=lambda found: found[1].upright))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -124,7 +129,10 @@ class SweepMatcher:
             ]
             counts = np.array(
                 [
-                    [self._map.compared(some, pose, _REACH_M).num_on_surfaces for pose in row]
+                    [
+                        self._map.compared(some, pose, _SEARCH_REACH_M).num_on_surfaces
+                        for pose in row
+                    ]
                     for row in places
                 ]
             )
@@ -138,6 +146,7 @@ class SweepMatcher:
         self,
         points: NDArray[np.float32],
         start: NDArray[np.float64],
+        reach_m: float = _REACH_M,
         expected: Placed | None = None,
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
@@ -150,7 +159,7 @@ class SweepMatcher:
         holds = _POINT_M**2 * np.linalg.inv(expected.covariance[:3, :3])
         pose = start.copy()
         for _ in range(_MAX_STEPS):
-            there = self._map.compared(points, pose, _REACH_M)
+            there = self._map.compared(points, pose, reach_m)
             gradient, curvature = there.gradient.copy(), there.curvature.copy()
             gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
             curvature[:3, :3] += holds
@@ -163,11 +172,11 @@ class SweepMatcher:
 
 
 def _explained(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
-    """The pose with its covariance; None if the map does not explain the cloud, or not hold it."""
+    """The pose with its covariance; None if the map does not know the place, or not hold the pose."""
     covariance = _covariance(there)
-    is_held = np.trace(covariance[:2, :2]) < _REACH_M**2
-    is_explained = there.num_explained >= _MIN_EXPLAINED * len(cloud)
-    return Placed(pose, covariance) if is_held and is_explained else None
+    is_held = np.trace(covariance[:2, :2]) < _SEARCH_REACH_M**2
+    is_known = there.num_known >= _MIN_KNOWN * len(cloud)
+    return Placed(pose, covariance) if is_held and is_known else None
 
 
 def _covariance(there: Comparison) -> NDArray[np.float64]:

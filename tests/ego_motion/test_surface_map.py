@@ -86,8 +86,8 @@ class TestForgetting:
         short = map_of(old, *[new] * 19, num_sweeps=5)
         long = map_of(old, *[new] * 19, num_sweeps=30)
         for surfaces, number in ((short, 0), (long, 400)):
-            assert surfaces.compared(old, np.eye(4), REACH_M).num_explained == number
-            assert surfaces.compared(new, np.eye(4), REACH_M).num_explained == 400
+            assert surfaces.compared(old, np.eye(4), REACH_M).num_known == number
+            assert surfaces.compared(new, np.eye(4), REACH_M).num_known == 400
 
 
 class TestCloud:
