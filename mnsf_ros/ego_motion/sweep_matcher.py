@@ -2,6 +2,7 @@
 """Registration of a sweep with a map of the sweeps before it."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -94,25 +95,25 @@ class SweepMatcher:
 
         The search starts from the expected pose, which is None if nothing is known of the motion.
         Where the map hardly holds the position, the expected one does. Returns None if the map does
-        not explain the sweep, or does not hold it at all.
+        not know the place, or does not hold the position at all.
         """
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            there = self._aligned(cloud.points, expected.pose, expected=expected)
-            found = _explained(cloud, *there)
+            aligned = self._aligned(cloud.points, expected.pose, expected=expected)
+            found = _known(cloud, *aligned)
             if found is not None:
                 return found
         return self._searched(cloud)
 
     def _searched(self, cloud: Cloud) -> Placed | None:
-        """The pose near the last one, None if there the map does not explain the cloud."""
+        """The pose near the last one, None if the map does not know the place."""
         starts = self._starts(cloud)
         starts += [self._aligned(cloud.points, start, _SEARCH_REACH_M)[0] for start in starts]
         settled = [self._aligned(cloud.points, start) for start in starts]
         # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         # by all that stands they do not.
-        return _explained(cloud, *max(settled, key=lambda found: found[1].upright))
+        return _known(cloud, *max(settled, key=lambda found: found[1].upright))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -120,26 +121,15 @@ class SweepMatcher:
         starts = [self._last_pose]
         for angles_deg, shifts_m in _SEARCHED:
             places = [
-                [
-                    self._last_pose @ planar_pose(x, y, np.radians(angle))
-                    for x in shifts_m
-                    for y in shifts_m
-                ]
-                for angle in angles_deg
+                self._last_pose @ planar_pose(x, y, np.radians(angle))
+                for angle, x, y in product(angles_deg, shifts_m, shifts_m)
             ]
-            counts = np.array(
-                [
-                    [
-                        self._map.compared(some, pose, _SEARCH_REACH_M).num_on_surfaces
-                        for pose in row
-                    ]
-                    for row in places
-                ]
-            )
+            there = [self._map.compared(some, pose, _SEARCH_REACH_M) for pose in places]
+            counts = np.array([each.num_on_surfaces for each in there])
             counts = counts.reshape(len(angles_deg), len(shifts_m), len(shifts_m))
             peaks = np.flatnonzero(counts == maximum_filter(counts, 3))
             best = peaks[np.argsort(-counts.flat[peaks], kind="stable")[:_SEARCH_STARTS]]
-            starts += [places[each // len(places[0])][each % len(places[0])] for each in best]
+            starts += [places[each] for each in best]
         return starts
 
     def _aligned(
@@ -171,8 +161,8 @@ class SweepMatcher:
         return pose, there
 
 
-def _explained(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
-    """The pose with its covariance; None if the map does not know the place, or not hold the pose."""
+def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
+    """The pose with its covariance; None if the map does not know the place or hold the pose."""
     covariance = _covariance(there)
     is_held = np.trace(covariance[:2, :2]) < _SEARCH_REACH_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
