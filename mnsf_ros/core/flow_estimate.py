@@ -48,6 +48,7 @@ class TrackedObject:
         size: (3,) float64, metres: length along `yaw`, width, height.
         yaw: Its heading in radians about z, from x of the current sweep.
         velocity: (3,) float64, metres per second over ground, axes of the current sweep.
+        turn_rate: Radians per second about z, to the left.
         covariance: (6, 6) float64 of `center` and `velocity`, in their units.
         age_s: Seconds since it was first seen to move.
         num_points: Points of the current sweep that belong to it; 0 if it is hidden at present and
@@ -59,6 +60,7 @@ class TrackedObject:
     size: NDArray[np.float64] = field(repr=False)
     yaw: float
     velocity: NDArray[np.float64] = field(repr=False)
+    turn_rate: float
     covariance: NDArray[np.float64] = field(repr=False)
     age_s: float
     num_points: int

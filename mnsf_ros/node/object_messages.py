@@ -139,6 +139,7 @@ def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Mess
     set_yaw(pose.pose.orientation, item.yaw)
     object_from_sensor = planar_pose(0.0, 0.0, -item.yaw)[:3, :3]
     speed.x, speed.y, speed.z = (object_from_sensor @ item.velocity).tolist()
+    twist.twist.angular.z = item.turn_rate
     pose.covariance = _in_six(item.covariance[:3, :3])
     of_speed = object_from_sensor @ item.covariance[3:, 3:] @ object_from_sensor.T
     twist.covariance = _in_six(of_speed)

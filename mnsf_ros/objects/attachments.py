@@ -33,15 +33,32 @@ def attached(
     may_belong = is_loose[owners] | (current.heights > NOISE_M) & ~current.kept
     beside = _beside(points, current.xyz, may_belong)
     theirs, places = owners[beside], np.take(current.xyz, beside, axis=0)
-    # Beside a mover, what is above the ground by more than the noise is not ground.
-    belongs = is_loose[theirs] | (current.heights[beside] > spacing_of(places))
     nearest = np.full(len(beside), -1)
-    nearest[belongs] = PointGrid(points).nearest(places[belongs])
+    is_part = is_loose[theirs]
+    nearest[is_part] = PointGrid(points).nearest(places[is_part])
+    # Right below a mover, what is above the ground by more than the noise is not ground.
+    spacing = spacing_of(places)
+    is_low = ~is_part & (current.heights[beside] > spacing)
+    nearest[is_low] = _above(points, places[is_low], spacing[is_low])
     # A fragment moves as a whole, or not at all.
     whole = np.bincount(owners[is_loose[owners]], minlength=current.num_objects)
     goes = 2 * np.bincount(theirs[nearest >= 0], minlength=current.num_objects) > whole
     is_attached = (nearest >= 0) & goes[theirs]
     return beside[is_attached], point_rows[nearest[is_attached]]
+
+
+def _above(
+    points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.float32]
+) -> NDArray[np.int64]:
+    """Returns (P,) the row of the point that is right above or below each of the places (P, 3).
+
+    It is -1 if there is none within (P,) metres as seen from above: between beams a mover may have
+    no points for any height.
+    """
+    on_ground = np.array([1, 1, 0], np.float32)
+    nearest = PointGrid(points * on_ground).nearest(places * on_ground)
+    distances = np.hypot(*(np.take(points, nearest, axis=0) - places)[:, :2].T)
+    return np.where(distances < within_m, nearest, -1)
 
 
 @compiled("int64[::1](float32[:, ::1], float32[:, ::1], boolean[::1])")

@@ -16,7 +16,7 @@ from mnsf_ros.settings import ObjectSettings
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.4, 0.97, 0.8, -3.25, -0.43, -0.14, 0.28)
+_WEIGHTS: Final = (-2.2, 0.97, 0.8, -3.25, -0.43, -0.14, 0.28)
 # Odds so far count up to this: something may stop at any time.
 _MAX_ODDS: Final = 8.0
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
@@ -134,7 +134,7 @@ def evidence(
     columns = (
         np.ones(len(suspects)),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
-        np.clip(expected.scores, 0.0, _MAX_ODDS),
+        np.minimum(expected.scores, _MAX_ODDS),
         np.log1p(lengths) * ~is_same,
         shares * thicknesses,
         shares * np.log(objects.counts),

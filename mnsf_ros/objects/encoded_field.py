@@ -7,7 +7,7 @@ fitted to a target sweep by Gauss-Newton steps: some milliseconds where a percep
 """
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,20 @@ _HALF_WEIGHT_M: Final = 0.1
 Heads = NDArray[np.float64]
 
 
-def whole(motions: NDArray[np.float32]) -> Heads:
-    """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres without turning."""
+def whole(motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0) -> Heads:
+    """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres and turn by (K,) radians.
+
+    The turns are small, about the middle, and to the left.
+    """
     heads: Heads = np.zeros((len(motions), 3, 3))
     heads[:, 0] = motions
+    heads[:, 1, 1], heads[:, 2, 0] = turns, np.negative(turns)
     return heads
+
+
+def turns_of(heads: Heads) -> NDArray[np.float64]:
+    """Returns (K,) radians, by how much heads (K, 3, 3) turn."""
+    return np.asarray((heads[:, 1, 1] - heads[:, 2, 0]) / 2, np.float64)
 
 
 class EncodedPoints:
@@ -170,19 +179,21 @@ def turning(
     movers: ObjectPoints,
     groups: NDArray[np.int64],
     motions: NDArray[np.float32],
+    turns: NDArray[np.float64],
     targets: Targets,
     num_iterations: int,
 ) -> Heads:
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
     What goes together moves and turns as one. The heads are fitted to the neighbouring sweeps, as
-    flow fields; of the means of both a stiff thing leaves the motion on the ground and the turn.
-    The motion stays if that explains no more.
+    flow fields, and turn as expected where these say nothing; of the means of both a stiff thing
+    leaves the motion on the ground and the turn. The motion stays if that explains no more.
 
     Args:
         movers: K objects.
         groups: (K,) from 0 to G - 1, the thing that each is a part of.
         motions: (G, 3) metres, the motions of these to the next sweep.
+        turns: (G,) radians, by how much they are expected to turn meanwhile.
         targets: The other sweeps.
         num_iterations: Steps of each fit.
     """
@@ -190,12 +201,9 @@ def turning(
     straight = whole(motions)
     steps = {target: target.steps_of(things, motions) for target in targets.near}
     points = EncodedPoints(things, things.centers, steps)
-    fits = [points.fitted(target, straight, num_iterations) for target in targets.near]
-    bent = np.mean(fits, axis=0)
-    stiff = straight.copy()
-    stiff[:, 0, :2] = bent[:, 0, :2]
-    turns = (bent[:, 1, 1] - bent[:, 2, 0]) / 2
-    stiff[:, 1, 1], stiff[:, 2, 0] = turns, -turns
+    start = whole(motions, turns)
+    bent = np.mean([points.fitted(each, start, num_iterations) for each in targets.near], axis=0)
+    stiff = whole(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
     before, after = (
         np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
         for heads in (straight, stiff)

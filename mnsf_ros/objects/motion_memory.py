@@ -22,11 +22,13 @@ class Expectation:
     Attributes:
         is_known: (K,) whether an object has a track.
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
+        turn_rates: (K,) radians per second; 0 without a track.
         scores: (K,) logarithm of the odds that their track moves; 0 without one.
     """
 
     is_known: NDArray[np.bool_]
     motions: NDArray[np.float32]
+    turn_rates: NDArray[np.float64]
     scores: NDArray[np.float64]
 
     @classmethod
@@ -41,7 +43,7 @@ class Expectation:
         some = objects.thinner()
         is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
-        scores = np.zeros(len(some))
+        turn_rates, scores = np.zeros(len(some)), np.zeros(len(some))
         if len(some) > 0 and len(tracks) > 0:
             world = transformed(some.positions, world_from_sensor).astype(np.float64)
             shares = expecting_shares(tracks, world, some.owners, len(some))
@@ -50,8 +52,9 @@ class Expectation:
             velocities = np.stack([track.velocity for track in tracks])
             velocities = turned(velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
-            scores[is_known] = np.array([track.score for track in tracks])[rows[is_known]]
-        return cls(is_known, motions, scores)
+            told = np.array([(track.turn_rate, track.score) for track in tracks])
+            turn_rates[is_known], scores[is_known] = told[rows[is_known]].T
+        return cls(is_known, motions, turn_rates, scores)
 
     def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
@@ -63,7 +66,12 @@ class Expectation:
 
     def only(self, wanted: NDArray[np.bool_]) -> "Expectation":
         """Returns the predictions for the objects of the (K,) mask."""
-        return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])
+        return Expectation(
+            self.is_known[wanted],
+            self.motions[wanted],
+            self.turn_rates[wanted],
+            self.scores[wanted],
+        )
 
 
 class MotionMemory:

@@ -2,6 +2,7 @@
 """The online method: from three sweeps to the flow of the middle one, step by step."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
-from mnsf_ros.objects.encoded_field import Heads, turning
+from mnsf_ros.objects.encoded_field import Heads, turning, turns_of
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
 from mnsf_ros.objects.motions import (
@@ -103,10 +104,11 @@ class ObjectFlowEstimator:
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
         decision = self._decided(scene, clock)
-        with clock.stage("tracks"):
-            tracks, ids = self._followed(scene, decision)
-        with clock.stage("output"):
+        with clock.stage("turns"):
             heads = self.heads(scene, decision)
+        with clock.stage("tracks"):
+            tracks, ids = self._followed(scene, decision, heads)
+        with clock.stage("output"):
             over_ground = scene.over_ground(decision, heads, tracks, ids)
             flow = scene.flow(over_ground)
         return FlowEstimate(
@@ -163,11 +165,17 @@ class ObjectFlowEstimator:
             seen,
         )
 
-    def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:
+    def _followed(
+        self, scene: Scene, decision: Decision, heads: Heads
+    ) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        stamp_ns = scene.current.sweep.stamp_ns
-        tracks, ids = self._memory.follow(scene.tracks, decision.seen, stamp_ns, scene.interval_s)
-        return tracks, ids[decision.is_moving[decision.may_move]]
+        stamp_ns, seen = scene.current.sweep.stamp_ns, decision.seen
+        are_moving = decision.is_moving[decision.may_move]
+        turn_rates = np.zeros(len(seen))
+        turn_rates[seen.groups[are_moving]] = turns_of(heads) / scene.usual_interval_s
+        seen = replace(seen, turn_rates=turn_rates)
+        tracks, ids = self._memory.follow(scene.tracks, seen, stamp_ns, scene.interval_s)
+        return tracks, ids[are_moving]
 
     def moved(
         self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
@@ -198,6 +206,9 @@ class ObjectFlowEstimator:
     def heads(self, scene: Scene, decision: Decision) -> Heads:
         """How the movers move and turn."""
         movers, seen = decision.fitted.objects.only(decision.is_moving), decision.seen
-        motions, targets = seen.motions[seen.are_moving], scene.targets
+        motions, groups = seen.motions[seen.are_moving], decision.groups
+        expected = decision.fitted.expected.only(decision.is_moving).turn_rates
+        turns = np.zeros(len(motions))
+        turns[groups] = expected * scene.usual_interval_s
         num_iterations = self.settings.objects.max_iterations
-        return turning(movers, decision.groups, motions, targets, num_iterations)
+        return turning(movers, groups, motions, turns, scene.targets, num_iterations)

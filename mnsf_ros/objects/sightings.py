@@ -29,6 +29,7 @@ class Sightings:
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
         scores: (G,) logarithm of the odds that they move, of their likeliest object.
         are_moving: (G,) whether they are said to move.
+        turn_rates: (G,) radians per second, to the left.
         variances: (G, 2) of both along each axis.
         points: (P, 3) metres.
         owners: (P,) int from 0 to G - 1, rising.
@@ -39,6 +40,7 @@ class Sightings:
     states: NDArray[np.float64]
     scores: NDArray[np.float64]
     are_moving: NDArray[np.bool_]
+    turn_rates: NDArray[np.float64]
     variances: NDArray[np.float64]
     points: NDArray[np.float64]
     owners: NDArray[np.int64]
@@ -53,7 +55,7 @@ class Sightings:
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> "Sightings":
-        """Returns the sightings of K movers, in the world frame.
+        """Returns the sightings of K movers, in the world frame, that do not turn.
 
         Args:
             movers: K objects that move.
@@ -83,7 +85,8 @@ class Sightings:
         are_moving = np.bincount(groups, is_moving, number) > 0
         states = np.stack([centers, velocities], axis=1)
         means_m = means.astype(np.float32)
-        return cls(groups, means_m, states, best, are_moving, variances, points, owners)
+        turns = np.zeros(number)
+        return cls(groups, means_m, states, best, are_moving, turns, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)

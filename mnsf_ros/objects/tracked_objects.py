@@ -73,6 +73,7 @@ def _told(
         size=box[3:6],
         yaw=float(np.arctan2(y, x)),
         velocity=turn @ velocity,
+        turn_rate=track.turn_rate,
         covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
         age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
         num_points=len(seen),

@@ -34,6 +34,7 @@ class Track:
         num_seen: In how many sweeps it was seen to move.
         score: Logarithm of the odds that it moves, by all sweeps that showed it.
         state: (2, 3) place in metres and velocity in metres per second.
+        turn_rate: Radians per second, to the left.
         covariance: (2, 2) of place and velocity, the same along each axis.
         points: (P, 3) metres, where it was last seen, moved to where it should be by now.
     """
@@ -45,6 +46,7 @@ class Track:
     num_seen: int
     score: float
     state: NDArray[np.float64]
+    turn_rate: float
     covariance: NDArray[np.float64]
     points: NDArray[np.float64]
 
@@ -63,12 +65,17 @@ class Track:
     ) -> "Track":
         """A track that begins with a measured state and its variances (2,)."""
         nothing = np.zeros((0, 3))
-        return cls(
-            track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, state, np.diag(variances), nothing
-        )
+        stamps_ns = (stamp_ns, stamp_ns, stamp_ns)
+        return cls(track_id, *stamps_ns, 0, 0.0, state, 0.0, np.diag(variances), nothing)
 
     def seen(
-        self, stamp_ns: int, points: NDArray[np.float64], score: float, *, moves: bool
+        self,
+        stamp_ns: int,
+        points: NDArray[np.float64],
+        score: float,
+        turn_rate: float,
+        *,
+        moves: bool,
     ) -> "Track":
         """The track after it was seen again, its state already corrected."""
         return replace(
@@ -77,6 +84,8 @@ class Track:
             seen_ns=stamp_ns,
             num_seen=self.num_seen + moves,
             score=score,
+            # What is expected is about as certain as what is seen.
+            turn_rate=(self.turn_rate + turn_rate) / 2,
             points=points,
         )
 
@@ -184,7 +193,8 @@ def follow(
             next(numbers), stamp_ns, seen.states[thing], seen.variances[thing]
         )
         score, is_mover = float(seen.scores[thing]), bool(seen.are_moving[thing])
-        followed.append(track.seen(stamp_ns, points, score, moves=is_mover))
+        turn_rate = float(seen.turn_rates[thing])
+        followed.append(track.seen(stamp_ns, points, score, turn_rate, moves=is_mover))
     # What became a part of another thing is not followed by itself.
     unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
     ids = np.array([track.track_id for track in followed], np.int64)

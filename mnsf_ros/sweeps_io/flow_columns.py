@@ -155,7 +155,7 @@ OBJECT_ROW: Final = np.dtype(
         *((name, np.float32) for name in "xyz"),
         ("id", np.uint32),
         *((name, np.float32) for name in ("length", "width", "height", "yaw", "vx", "vy", "vz")),
-        ("age", np.float32),
+        *((name, np.float32) for name in ("turn_rate", "age")),
         ("num_points", np.uint32),
         *((f"cov_{_STATE[a]}_{_STATE[b]}", np.float32) for a, b in zip(*_UPPER, strict=True)),
     ]
@@ -170,4 +170,5 @@ def object_columns(objects: Sequence[TrackedObject]) -> dict[str, NDArray[Any]]:
 
 def _object_row(item: TrackedObject) -> tuple[float, ...]:
     box = (*item.center, item.track_id, *item.size, item.yaw)
-    return (*box, *item.velocity, item.age_s, item.num_points, *item.covariance[_UPPER])
+    told = (item.turn_rate, item.age_s, item.num_points)
+    return (*box, *item.velocity, *told, *item.covariance[_UPPER])

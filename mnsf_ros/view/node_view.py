@@ -233,6 +233,7 @@ def _object(row: Any) -> TrackedObject:  # noqa: ANN401 - of a structured array
         size=vector("length", "width", "height"),
         yaw=float(row["yaw"]),
         velocity=vector("vx", "vy", "vz"),
+        turn_rate=float(row["turn_rate"]),
         covariance=np.zeros((6, 6)),
         age_s=float(row["age"]),
         num_points=int(row["num_points"]),

@@ -49,7 +49,7 @@ def said(dynamic, *, tracks=None, confidence=0.97, motion=None, objects=()):
 
 def track(number, velocity, age_s=1.0):
     box = (np.zeros(3), np.ones(3), 0.0)
-    return TrackedObject(number, *box, np.array(velocity, float), np.eye(6), age_s, 50)
+    return TrackedObject(number, *box, np.array(velocity, float), 0.0, np.eye(6), age_s, 50)
 
 
 def summary_of(rows):

@@ -85,10 +85,14 @@ def test_finds_the_flow_of_a_car_and_goes_on_warm(motion, limit_m):
     assert {"forward", "backward", "fusion"} < last.times_ms.keys()
 
 
-@pytest.mark.parametrize(("motion", "limit_m"), [(STRAIGHT, 0.01), (TURNING, 0.12)])
+@pytest.mark.parametrize(("motion", "limit_m"), [(STRAIGHT, 0.01), (TURNING, 0.05)])
 def test_online_finds_how_a_car_moves_and_turns(motion, limit_m):
-    estimates, car, _ = zip(*drive(motion, 6, method="online"), strict=True)
-    assert max(car) < limit_m
+    estimates, car, _ = zip(*drive(motion, 8, method="online"), strict=True)
+    # How it turns is known once it was seen.
+    assert max(car[1:]) < limit_m
+    assert car[0] < 0.12
+    found = max(estimates[-1].over_ground.objects, key=lambda each: each.num_points)
+    assert found.turn_rate == pytest.approx(np.radians(motion[1]) / 0.1, abs=0.2)
     # It turns about the vertical axis, and stays as it is.
     known = estimates[-1].over_ground
     assert np.ptp(known.motion[known.dynamic][:, 2]) < 0.02

@@ -98,6 +98,7 @@ def tracked(track_id=1, **changes):
         "size": np.array([4.0, 1.8, 1.5]),
         "yaw": np.pi / 2,
         "velocity": np.array([0.0, 5.0, 0.0]),
+        "turn_rate": 0.3,
         "covariance": np.diag([0.01, 0.02, 0.03, 0.1, 0.2, 0.3]),
         "age_s": 2.5,
         "num_points": 120,

@@ -195,6 +195,7 @@ def test_message_of_autoware(installed_message):
         twist = found.kinematics.twist_with_covariance
         assert twist.twist.linear.x == pytest.approx(ahead, abs=1e-12)
         assert twist.twist.linear.y == pytest.approx(-right, abs=1e-12)
+        assert twist.twist.angular.z == 0.3
         covariance = np.reshape(twist.covariance, (6, 6))
         np.testing.assert_allclose(np.diag(covariance)[:3], variances, atol=1e-12)
 

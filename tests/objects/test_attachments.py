@@ -66,17 +66,26 @@ class TestBottoms:
     ROAD = rows(*((x, y, -0.8) for x in np.arange(5, 12, 0.2) for y in np.arange(-4, 4, 0.2)))
     BOTTOM = rows(*((x, 0.9, -0.65) for x in np.arange(6.2, 9.8, 0.1)))
 
-    def found(self, road, bottom=BOTTOM):
+    def found(self, road, bottom=BOTTOM, car=CAR):
         """The rows of the road's points and of the bottom's."""
         on_ground = SETTINGS.changed({"ground.remove": True})
-        found = rows_of(CAR, road, bottom, settings=on_ground)
-        return np.split(found, np.cumsum([len(CAR), len(road)]))[1:]
+        found = rows_of(car, road, bottom, settings=on_ground)
+        return np.split(found, np.cumsum([len(car), len(road)]))[1:]
 
     @pytest.mark.parametrize("beside_m", [0.0, 1.2], ids=["road below", "road beside"])
     def test_the_bottom_goes_with_the_mover_and_the_road_does_not(self, beside_m):
         is_seen = np.abs(self.ROAD[:, 1]) >= beside_m
         road, bottom = self.found(self.ROAD[is_seen])
         assert (bottom == 0).all()
+        assert (road == -1).all()
+
+    def test_however_far_above_the_next_beam_is(self):
+        _, bottom = self.found(self.ROAD, car=CAR[CAR[:, 2] > 0.2])
+        assert (bottom == 0).mean() > 0.9
+
+    def test_a_kerb_beside_the_mover_does_not(self):
+        road, kerb = self.found(self.ROAD, self.BOTTOM + rows((0, 0.3, 0)))
+        assert (kerb == -1).all()
         assert (road == -1).all()
 
     def test_on_a_road_that_rises_too(self):

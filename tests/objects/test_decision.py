@@ -25,7 +25,7 @@ def plate(x_m, y_m=0.0):
 
 def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
     """The only object, with a track that expects a motion with some odds."""
-    expected = Expectation(np.ones(1, np.bool_), rows(track), np.full(1, odds))
+    expected = Expectation(np.ones(1, np.bool_), rows(track), np.zeros(1), np.full(1, odds))
     standing = judge(objects, targets, rows((0, 0, 0)))
     return Suspects(np.arange(1), objects, standing, expected)
 
@@ -50,7 +50,8 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     targets = Targets([target(slid(step * 0.4), current, -step) for step in (-1, 1)], [])
     objects = objects_of(current, max_size_m=20.0)
     nearest = objects.centers[:, 0] < 15
-    expected = Expectation(np.zeros(len(objects), np.bool_), 0 * objects.centers, 0.0 * nearest)
+    nothing = 0.0 * nearest
+    expected = Expectation(nearest & False, 0 * objects.centers, nothing, nothing)
     assert Suspects.among(objects, targets, expected).rows == np.flatnonzero(nearest)
     side = objects.only(nearest)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
@@ -60,7 +61,7 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
 
 
 @pytest.mark.parametrize(
-    ("odds", "called"), [(-9.0, False), (0.0, False), (4.0, True), (40.0, True)]
+    ("odds", "called"), [(-1.0, False), (0.0, False), (4.0, True), (40.0, True)]
 )
 def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     motion = np.array([0.0, 0.3, 0.0], np.float32)
@@ -74,9 +75,9 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     standing, nothing = suspects.standing, (np.zeros(1), np.zeros(1, np.bool_))
     features = evidence(suspects, standing, moving, *nothing)
     bias = moving_scores(evidence(without, standing, moving, *nothing))
-    # The evidence of this sweep alone is just not enough; a track that went wrong says nothing.
+    # The evidence of this sweep alone is just not enough.
     scores = moving_scores(features) - bias - 1.0
-    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(max(odds, 0.0), 8.0))
+    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(odds, 8.0))
     may_move, is_moving = moves(moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called

@@ -25,14 +25,15 @@ def objects_at(*centers, size=(2.0, 1.5, 1.5)):
     return ObjectPoints(np.arange(number) + 1, xyz, owners, np.zeros(len(xyz), np.float32))
 
 
-def seen(*centers, velocity=(10.0, 0.0, 0.0), size=(2.0, 1.5, 1.5)):
-    """Boxes at these places, all with one velocity, or each with its own."""
+def seen(*centers, velocity=(10.0, 0.0, 0.0), turn_rate=0.0, size=(2.0, 1.5, 1.5)):
+    """Boxes at these places, all with one velocity and turn rate, or each with its own."""
     number = len(centers)
     motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
     scores = np.full(number, 3.0)
     objects = objects_at(*centers, size=size)
     are_moving = np.ones(number, np.bool_)
-    return Sightings.of(objects, motions, scores, are_moving, np.eye(4), INTERVAL_S)
+    sightings = Sightings.of(objects, motions, scores, are_moving, np.eye(4), INTERVAL_S)
+    return replace(sightings, turn_rates=np.full(number, turn_rate))
 
 
 class Follower:
@@ -64,6 +65,13 @@ class TestIdentity:
         for _ in range(num_hidden):
             assert follower.see() == []
         assert follower.see((1 + num_hidden, 0, 0)) == ([1] if same else [2])
+
+    def test_remembers_how_it_turns(self):
+        follower = Follower()
+        for index, turn_rate in enumerate((0.4, 0.4, 0.4, 0.0)):
+            follower.see((index, 0, 0), (index, 10, 0), turn_rate=turn_rate)
+            rates = [track.turn_rate for track in follower.tracks]
+            assert rates == pytest.approx(2 * [(0.2, 0.3, 0.35, 0.175)[index]])
 
     def test_goes_on_with_the_largest_part(self):
         follower = Follower()
