@@ -85,7 +85,7 @@ class Front:
         columns |= {"rgb": np.array([1, 0xFF0000, 2], np.uint32).view(np.float32)}
         columns.pop(without, None)
         item = TrackedObject(
-            7, np.ones(3), np.ones(3), 0.0, np.array([3.0, 4.0, 0.0]), np.eye(6), 1.0, 1
+            7, np.ones(3), np.ones(3), 0.0, np.array([3.0, 4.0, 0.0]), 0.0, np.eye(6), 1.0, 1
         )
         place = Odometry(header=header)
         place.pose.pose.position.x, place.pose.pose.orientation.w = float(stamp_s), 1.0

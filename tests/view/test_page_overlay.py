@@ -40,7 +40,7 @@ def show_layer(server: PageServer, layer: str) -> None:
 
 def show_objects(server: PageServer, centers: np.ndarray) -> None:
     objects = [
-        TrackedObject(number, at, np.full(3, 0.01), 0.0, np.zeros(3), np.eye(6), 1.0, 1)
+        TrackedObject(number, at, np.full(3, 0.01), 0.0, np.zeros(3), 0.0, np.eye(6), 1.0, 1)
         for number, at in enumerate(centers, start=1)
     ]
     no_points = np.empty((0, 3), np.float32)
