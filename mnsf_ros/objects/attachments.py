@@ -36,10 +36,10 @@ def attached(
     nearest = np.full(len(beside), -1)
     is_part = is_loose[theirs]
     nearest[is_part] = PointGrid(points).nearest(places[is_part])
-    # Right below a mover, what is above the ground by more than the noise is not ground.
-    spacing = spacing_of(places)
-    is_low = ~is_part & (current.heights[beside] > spacing)
-    nearest[is_low] = _above(points, places[is_low], spacing[is_low])
+    # What was taken for ground is not if it is higher above it than it is beside the mover.
+    higher_m = current.heights[beside] - spacing_of(places) / 2
+    is_low = ~is_part & (higher_m > 0)
+    nearest[is_low] = _above(points, places[is_low], higher_m[is_low])
     # A fragment moves as a whole, or not at all.
     whole = np.bincount(owners[is_loose[owners]], minlength=current.num_objects)
     goes = 2 * np.bincount(theirs[nearest >= 0], minlength=current.num_objects) > whole
@@ -50,10 +50,10 @@ def attached(
 def _above(
     points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.float32]
 ) -> NDArray[np.int64]:
-    """Returns (P,) the row of the point that is right above or below each of the places (P, 3).
+    """Returns (P,) the row of the point that is nearest to each of the places (P, 3), from above.
 
-    It is -1 if there is none within (P,) metres as seen from above: between beams a mover may have
-    no points for any height.
+    It is -1 if none is within (P,) metres. How far above does not matter: between beams a mover may
+    have no points for any height.
     """
     on_ground = np.array([1, 1, 0], np.float32)
     nearest = PointGrid(points * on_ground).nearest(places * on_ground)
