@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points that belong to a mover but not to its object: fragments, and cut-off bottoms."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +50,7 @@ def attached(
 
 
 def _above(
-    points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.float32]
+    points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.floating[Any]]
 ) -> NDArray[np.int64]:
     """Returns (P,) the row of the point that is nearest to each of the places (P, 3), from above.
 
