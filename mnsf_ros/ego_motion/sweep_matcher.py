@@ -70,7 +70,6 @@ class SweepMatcher:
         self._settings = settings
         self._map = SurfaceMap(settings.map_cell_m, settings.map_sweeps)
         self._last_pose = np.eye(4)
-        self._last_upright = 0.0
 
     @property
     def is_empty(self) -> bool:
@@ -101,11 +100,7 @@ class SweepMatcher:
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            aligned = self._aligned(cloud.points, expected.pose, _REACHES_M[1:], expected)
-            # A jump, with which half of what stands is lost.
-            if 2 * aligned[1].upright < self._last_upright:
-                aligned = self._aligned(cloud.points, expected.pose, _REACHES_M, expected)
-            self._last_upright = aligned[1].upright
+            aligned = self._aligned(cloud.points, expected.pose, _REACHES_M, expected)
             found = _known(cloud, *aligned)
             if found is not None:
                 return found

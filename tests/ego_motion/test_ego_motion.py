@@ -68,6 +68,16 @@ class TestRegistration:
         assert found.source is EgoSource.REGISTRATION
         assert_near(found.world_from_sensor, path(9))
 
+    @pytest.mark.parametrize("jump_m", [0.3, -0.3])
+    def test_follows_a_jump(self, jump_m):
+        """As of stamps that are off, 30 ms at 10 m/s."""
+        for seed in range(4):
+            street, ego_motion = BoxStreet(seed), EgoMotion(REGISTRATION)
+            for index in range(8):
+                truth = pose(0.3 * index + jump_m * (index > 4))
+                found = ego_motion.pose_of(street.sweep(truth, index))
+                assert_near(found.world_from_sensor, truth, 0.04)
+
     def test_finds_tilt_and_climb(self):
         ego_motion = EgoMotion(REGISTRATION)
         truth = pose(0.5, 0, 0.05, pitch_deg=1.5)
