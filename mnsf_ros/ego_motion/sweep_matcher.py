@@ -1,7 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Registration of a sweep with a map of the sweeps before it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final
@@ -19,9 +18,8 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than the second do not count: vehicles that move along. Starts
-# may be farther off; a pose that errs by more than the first is not known.
-_REACHES_M: Final = (0.3, 0.15)
+# Points farther from their surface than this do not count: vehicles that move along.
+_REACH_M: Final = 0.3
 _MAX_STEPS: Final = 10
 # Steps smaller than this, in metres at 30 m range, are the last.
 _LAST_STEP_M: Final = 0.001
@@ -100,23 +98,18 @@ class SweepMatcher:
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            aligned = self._aligned(cloud.points, expected.pose, _REACHES_M, expected)
-            found = _known(cloud, *aligned)
+            found = _known(cloud, *self._aligned(cloud.points, expected.pose, expected))
             if found is not None:
                 return found
         return self._searched(cloud)
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if the map does not know the place."""
-        starts = self._starts(cloud)
-        settled = [
-            self._aligned(cloud.points, start, reaches_m)
-            for reaches_m in (_REACHES_M[1:], _REACHES_M)
-            for start in starts
-        ]
+        settled = [self._aligned(cloud.points, start) for start in self._starts(cloud)]
         # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         # by all that stands they do not.
-        return _known(cloud, *max(settled, key=lambda found: found[1].upright))
+        best, _ = max(settled, key=lambda found: found[1].upright)
+        return _known(cloud, *self._aligned(cloud.points, best))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -127,7 +120,7 @@ class SweepMatcher:
                 self._last_pose @ planar_pose(x, y, np.radians(angle))
                 for angle, x, y in product(angles_deg, shifts_m, shifts_m)
             ]
-            there = [self._map.compared(some, pose, _REACHES_M[0]) for pose in places]
+            there = [self._map.compared(some, pose, _REACH_M) for pose in places]
             counts = np.array([each.num_on_surfaces for each in there])
             counts = counts.reshape(len(angles_deg), len(shifts_m), len(shifts_m))
             peaks = np.flatnonzero(counts == maximum_filter(counts, 3))
@@ -139,37 +132,34 @@ class SweepMatcher:
         self,
         points: NDArray[np.float32],
         start: NDArray[np.float64],
-        reaches_m: Sequence[float],
         expected: Placed | None = None,
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
 
-        Points count that are within the first reach, then within the next one. With the pose comes
-        the comparison that its last step was made of, the points nearly there. What nothing holds
-        stays where it starts.
+        With it comes the comparison that its last step was made of, the points nearly there. What
+        nothing holds stays where it starts.
         """
         if expected is None:
             expected = Placed(start, np.eye(6))
         holds = _POINT_M**2 * np.linalg.inv(expected.covariance[:3, :3])
         pose = start.copy()
-        for reach_m in reaches_m:
-            for _ in range(_MAX_STEPS):
-                there = self._map.compared(points, pose, reach_m)
-                gradient, curvature = there.gradient.copy(), there.curvature.copy()
-                gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
-                curvature[:3, :3] += holds
-                step = -solved(curvature + _least(curvature), gradient)
-                pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
-                pose[:3, 3] += step[:3]
-                if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
-                    break
+        for _ in range(_MAX_STEPS):
+            there = self._map.compared(points, pose, _REACH_M)
+            gradient, curvature = there.gradient.copy(), there.curvature.copy()
+            gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
+            curvature[:3, :3] += holds
+            step = -solved(curvature + _least(curvature), gradient)
+            pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
+            pose[:3, 3] += step[:3]
+            if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
+                break
         return pose, there
 
 
 def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
     """The pose with its covariance; None if the map does not know the place or hold the pose."""
     covariance = _covariance(there)
-    is_held = np.trace(covariance[:2, :2]) < _REACHES_M[0] ** 2
+    is_held = np.trace(covariance[:2, :2]) < _REACH_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
     return Placed(pose, covariance) if is_held and is_known else None
 
