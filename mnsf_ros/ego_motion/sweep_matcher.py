@@ -42,8 +42,7 @@ _SEARCHED: Final = (
 _SEARCH_POINTS: Final = 1000
 _SEARCH_STARTS: Final = 5
 # Fewer of the points in cells that were seen before are those of another place: .55 and more of the
-# second sweep of random worlds but for two of 120 with 16 beams, .46 and less of other places
-# (tunnels .62).
+# second sweep of random worlds but for two of 117, .46 and less of other places (tunnels .62).
 _MIN_KNOWN: Final = 0.47
 _MIN_POINTS: Final = 50
 

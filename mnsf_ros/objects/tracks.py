@@ -65,8 +65,9 @@ class Track:
     ) -> "Track":
         """A track that begins with a measured state and its variances (2,)."""
         nothing = np.zeros((0, 3))
-        stamps_ns = (stamp_ns, stamp_ns, stamp_ns)
-        return cls(track_id, *stamps_ns, 0, 0.0, state, 0.0, np.diag(variances), nothing)
+        return cls(
+            track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, state, 0.0, np.diag(variances), nothing
+        )
 
     def seen(
         self,

@@ -51,7 +51,7 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     objects = objects_of(current, max_size_m=20.0)
     nearest = objects.centers[:, 0] < 15
     nothing = 0.0 * nearest
-    expected = Expectation(nearest & False, 0 * objects.centers, nothing, nothing)
+    expected = Expectation(nothing > 0, 0 * objects.centers, nothing, nothing)
     assert Suspects.among(objects, targets, expected).rows == np.flatnonzero(nearest)
     side = objects.only(nearest)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025

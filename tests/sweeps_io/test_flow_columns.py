@@ -93,20 +93,8 @@ def test_each_object_is_a_row():
     random = np.random.default_rng(0).random((6, 6))
     covariance = random @ random.T
     columns = object_columns([tracked(7, np.eye(6)), tracked(9, covariance)])
-    names = (
-        "x",
-        "y",
-        "z",
-        "length",
-        "width",
-        "height",
-        "yaw",
-        "vx",
-        "vy",
-        "vz",
-        "turn_rate",
-        "age",
-    )
+    box = ("length", "width", "height", "yaw")
+    names = (*"xyz", *box, "vx", "vy", "vz", "turn_rate", "age")
     values = (1, 2, 3, 4, 1.8, 1.5, 0.5, 7, 8, 9, 0.25, 1.25)
     for name, value in zip(names, values, strict=True):
         np.testing.assert_allclose(columns[name], [value, value], rtol=1e-6)
