@@ -150,7 +150,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
 
     moves, doubtful = decision.is_moving, decision.doubtful
     movers, scores = decision.fitted.objects.only(moves), decision.scores[moves]
-    features = moving_features(movers, decision.moving.only(moves), scores, scene.targets)
+    features = moving_features(decision.moving.only(moves), scores, decision.held[moves])
     yield "moving", of_objects(movers, features)
     yield "doubtful", of_objects(doubtful.objects, doubtful_features(doubtful))
     are_suspects = decision.suspects.objects.rows_of(scene.current.num_objects)[owners] >= 0

@@ -65,6 +65,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "attachments": (scene, "attached", lambda *_: _NONE),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),
+    "what moves goes on as it did": (motions, "_SURPRISE", np.inf),
     "preference for fitted motions": (motions, "CLEARLY_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),
 }

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.objects.motions import JudgedMotions, judge
-from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.objects.motions import JudgedMotions
+from mnsf_ros.objects.object_points import NOISE_M
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.target import Targets
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
@@ -22,22 +21,19 @@ _MOVING: Final = (0.2, -0.78, 0.79, -1.25)
 _DOUBTFUL: Final = (1.91, -6.51)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (3.12, -0.34)
-# Motions that differ by this should explain an object worse: along a flat side they do not.
-_BESIDE_M: Final = 0.2
 
 
 def moving_confidence(
-    movers: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
+    moving: JudgedMotions, scores: NDArray[np.float64], held: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K dynamic objects.
 
     Args:
-        movers: K objects.
         moving: Their motions.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
-        targets: What their motions were measured on.
+        held: (K,) metres, how well the motions are held, see `held_m`.
     """
-    return _logistic(moving_features(movers, moving, scores, targets), _MOVING)
+    return _logistic(moving_features(moving, scores, held), _MOVING)
 
 
 def doubtful_confidence(doubtful: Suspects) -> NDArray[np.float32]:
@@ -65,28 +61,12 @@ def _standing(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def moving_features(
-    movers: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
+    moving: JudgedMotions, scores: NDArray[np.float64], held: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
-    beside = _beside(movers, moving, targets)
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    uncertainty = np.log((moving.cost + NOISE_M) / (beside + NOISE_M))
+    uncertainty = np.log((moving.cost + NOISE_M) / (held + NOISE_M))
     return _with_constant(uncertainty, np.log1p(np.maximum(scores, 0.0)), np.log1p(lengths))
-
-
-def _beside(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
-    """Returns (K,) metres, how much more the best of some other motions leaves unexplained.
-
-    They differ from the motion along the object and across it. Of a flat side that slides along
-    itself they leave no more: then the motion is a guess.
-    """
-    angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
-    motions = np.tile(moving.motions, (5, 1, 1))
-    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
-    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
-    judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
-    own, *others = judged.total.reshape(5, len(objects))
-    return np.maximum(np.min(others, axis=0) - own, 0.0)
 
 
 def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:

@@ -13,12 +13,11 @@ from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.2, 0.97, 0.8, -3.25, -0.43, -0.14, 0.28)
-# Odds so far count up to this: something may stop at any time.
-_MAX_ODDS: Final = 8.0
+_WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35)
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
 
@@ -38,6 +37,7 @@ class Decision:
         scores: (F,) logarithm of the odds that they move.
         is_moving: (F,) whether they are said to move.
         may_move: (F,) whether they are followed.
+        held: (F,) metres, how well the motions of these are held, see `held_m`; 0 of others.
         seen: Those that are followed, together what moves together.
     """
 
@@ -51,6 +51,7 @@ class Decision:
     scores: NDArray[np.float64]
     is_moving: NDArray[np.bool_]
     may_move: NDArray[np.bool_]
+    held: NDArray[np.float64]
     seen: Sightings
 
     @property
@@ -59,9 +60,14 @@ class Decision:
         return len(self.suspects) - len(self.searched)
 
     @property
+    def are_movers(self) -> NDArray[np.bool_]:
+        """(those that are followed,) whether they are said to move."""
+        return self.is_moving[self.may_move]
+
+    @property
     def groups(self) -> NDArray[np.int64]:
         """(M,) the number from 0 of the thing that each of the M movers is a part of."""
-        of_movers = self.seen.groups[self.is_moving[self.may_move]]
+        of_movers = self.seen.groups[self.are_movers]
         return np.unique(of_movers, return_inverse=True)[1]
 
     @property
@@ -134,7 +140,7 @@ def evidence(
     columns = (
         np.ones(len(suspects)),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
-        np.minimum(expected.scores, _MAX_ODDS),
+        expected.scores,
         np.log1p(lengths) * ~is_same,
         shares * thicknesses,
         shares * np.log(objects.counts),
@@ -162,6 +168,7 @@ def moves(
         settings: Settings of the objects.
     """
     lengths = np.hypot(motions[:, 0], motions[:, 1])
-    is_possible = (lengths > NOISE_M) & (lengths <= settings.max_speed_m_s * interval_s)
+    is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
+    is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
     return is_possible & (scores > limit - _TENTATIVE), is_possible & (scores > limit)

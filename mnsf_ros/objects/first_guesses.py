@@ -43,12 +43,12 @@ def first_guesses(
     some, best = suspects.objects.thinner(), suspects.standing
     num_iterations, reach_m = settings.max_iterations, settings.max_speed_m_s * interval_s
     voted = _voted(some, targets.near, reach_m, best.motions, num_iterations)
-    best = best_of(some, targets, best, expected.beside(voted))
+    best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
     if targets.past:
         voted = _voted(
             some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
         )
-        best = best_of(some, targets, best, [voted])
+        best = best_of(some, targets, best, [voted], expected.surprise)
     explains = best.total < CLEARLY_SHARE * suspects.standing.total
     is_worth = expected.is_known | explains | (not targets.past)
     return best.motions, is_worth

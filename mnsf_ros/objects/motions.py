@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Motions of objects: fitted to one sweep, judged on all, and the best of several (fusion)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.target import Target, Targets
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
@@ -18,8 +18,15 @@ _STEP: Final = 1.8
 # One that was not fitted to the neighbouring sweeps must: over a longer time nothing moves evenly,
 # least of all what brakes.
 CLEARLY_SHARE: Final = 0.8
+# A motion that surprises by this (logarithm) must leave less by a factor of e.
+_SURPRISE: Final = 6.0
+# Motions that differ by this should explain an object worse: along a flat side they do not.
+_BESIDE_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
+
+# Motions (K, 3) to how much less likely they are than those expected, see `Expectation.surprise`.
+Surprise = Callable[[NDArray[np.float32]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +63,19 @@ class JudgedMotions:
         """Returns the objects of the (K,) mask, or of rows."""
         return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
-    def better(self, other: "JudgedMotions", share: float = 1.0) -> "JudgedMotions":
-        """Returns for each object its own motion, or the other one if that explains more.
+    def unlikely(self, surprise: Surprise) -> NDArray[np.float64]:
+        """Returns (K,) metres, what motions leave in sum with the noise, more if they surprise."""
+        excess = np.exp(surprise(self.motions) / _SURPRISE)
+        return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
+
+    def better(
+        self, other: "JudgedMotions", surprise: Surprise, share: float = 1.0
+    ) -> "JudgedMotions":
+        """Returns for each object its own motion, or the other one if that is more likely.
 
         The other one must leave less than this share of the residual.
         """
-        wins = other.total < share * self.total
+        wins = other.unlikely(surprise) < share * self.unlikely(surprise)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -133,6 +147,7 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
+    surprise: Surprise,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -141,15 +156,18 @@ def best_of(
         targets: What motions are measured on.
         first: Motions that were judged.
         others: (K, 3) metres each, further candidates.
+        surprise: Of motions.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.total, len(others)))
+    excess = np.exp(np.concatenate([surprise(each) for each in others]) / _SURPRISE)
+    most_m = np.tile(first.unlikely(surprise), len(others)) / excess - 2 * NOISE_M
+    most_m[np.concatenate(are_again)] = -np.inf
     judged = judge(objects.repeated(len(others)), targets, np.concatenate(others), most_m=most_m)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.only(rows))
+        first = first.better(judged.only(rows), surprise)
     return first
 
 
@@ -159,6 +177,7 @@ def fuse_motions(
     forward: NDArray[np.float32],
     inverted: NDArray[np.float32],
     others: Sequence[NDArray[np.float32]],
+    surprise: Surprise,
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
@@ -168,9 +187,25 @@ def fuse_motions(
         forward: (K, 3) metres, the forward flow.
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
+        surprise: Of motions.
     """
     mean = np.float32(0.5) * (forward + inverted)
     some = objects.thinner()
-    fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted))
-    best = fitted.better(best_of(some, targets, fitted, others), CLEARLY_SHARE)
+    fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted), surprise)
+    best = fitted.better(best_of(some, targets, fitted, others, surprise), surprise, CLEARLY_SHARE)
     return judge(objects, targets, best.motions)
+
+
+def held_m(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
+    """Returns (K,) metres, how much more the best of some motions beside those found leaves.
+
+    They differ from the motion along the object and across it. Of a flat side that slides along
+    itself they leave no more: then the motion is a guess.
+    """
+    angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
+    motions = np.tile(moving.motions, (5, 1, 1))
+    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
+    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
+    judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
+    own, *others = judged.total.reshape(5, len(objects))
+    return np.maximum(np.min(others, axis=0) - own, 0.0)

@@ -19,6 +19,7 @@ from mnsf_ros.objects.motions import (
     best_of,
     fit_motion_field,
     fuse_motions,
+    held_m,
     judge,
 )
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -141,11 +142,15 @@ class ObjectFlowEstimator:
             features = evidence(fitted, standing, moving, free, are_parts)
             scores = moving_scores(features)
             may_move, is_moving = moves(moving.motions, scores, scene.usual_interval_s, settings)
+            followed = fitted.objects.only(may_move)
+            held = np.zeros(len(may_move))
+            held[may_move] = held_m(followed, moving.only(may_move), targets)
             seen = Sightings.of(
-                fitted.objects.only(may_move),
+                followed,
                 moving.motions[may_move],
                 scores[may_move],
                 is_moving[may_move],
+                held[may_move],
                 pose,
                 scene.usual_interval_s,
             )
@@ -162,6 +167,7 @@ class ObjectFlowEstimator:
             scores,
             is_moving,
             may_move,
+            held,
             seen,
         )
 
@@ -170,7 +176,7 @@ class ObjectFlowEstimator:
     ) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
         stamp_ns, seen = scene.current.sweep.stamp_ns, decision.seen
-        are_moving = decision.is_moving[decision.may_move]
+        are_moving = decision.are_movers
         turn_rates = np.zeros(len(seen))
         turn_rates[seen.groups[are_moving]] = turns_of(heads) / scene.usual_interval_s
         seen = replace(seen, turn_rates=turn_rates)
@@ -191,17 +197,17 @@ class ObjectFlowEstimator:
         objects, targets = suspects.objects, scene.targets
         num_iterations = self.settings.objects.max_iterations
         next_, *previous = targets.near
-        others = suspects.expected.beside(start)
+        others, surprise = suspects.expected.beside(start), suspects.expected.surprise
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("best motion"):
-                return best_of(objects, targets, judge(objects, targets, forward), others)
+                return best_of(objects, targets, judge(objects, targets, forward), others, surprise)
         with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward / np.float32(previous[0].steps)
         with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, inverted, others)
+            return fuse_motions(objects, targets, forward, inverted, others, surprise)
 
     def heads(self, scene: Scene, decision: Decision) -> Heads:
         """How the movers move and turn."""

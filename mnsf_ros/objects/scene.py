@@ -111,8 +111,8 @@ class Scene:
         rows = rows[own]
         offsets = np.take(current.xyz, own, axis=0) - movers.centers[rows]
         motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
-        scores = decision.scores[is_moving]
-        confidence[own] = moving_confidence(movers, moving, scores, self.targets)[rows]
+        scores, held = decision.scores[is_moving], decision.held[is_moving]
+        confidence[own] = moving_confidence(moving, scores, held)[rows]
         pose = self.targets.near[0].sweep.pose
         if pose.source is EgoSource.CONSTANT_VELOCITY:
             # Without the ego motion, no flow is known.

@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.motions import are_same
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 
-# Standard deviation of a motion.
+# Standard deviation of a motion that is held.
 _MOTION_M: Final = 0.03
 
 
@@ -52,6 +52,7 @@ class Sightings:
         motions: NDArray[np.float32],
         scores: NDArray[np.float64],
         is_moving: NDArray[np.bool_],
+        held: NDArray[np.float64],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> "Sightings":
@@ -62,6 +63,7 @@ class Sightings:
             motions: (K, 3) metres, their motions to the next sweep.
             scores: (K,) logarithm of the odds that they move.
             is_moving: (K,) whether they are said to move.
+            held: (K,) metres, how well the motions are held, see `held_m`.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
@@ -78,7 +80,9 @@ class Sightings:
         # The middle of the visible points shifts when another side comes into view.
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         place_errors = spread.max(axis=1, initial=0.0)
-        velocity_errors = np.full(number, _MOTION_M / interval_s)
+        # What leaves hardly more beside its motion than with it says little of the velocity.
+        shares = np.bincount(groups, counts * held, number) / weights[:, 0] / (2 * NOISE_M)
+        velocity_errors = _MOTION_M / interval_s / np.clip(shares, 1e-3, 1.0)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)
         np.maximum.at(best, groups, scores)

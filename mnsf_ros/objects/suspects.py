@@ -2,18 +2,14 @@
 """Which objects may move: those that other sweeps do not support as static."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.motions import JudgedMotions, judge
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.target import Targets
-
-# An object that another sweep explains as well as this without motion is not a suspect.
-_MIN_RESIDUAL_M: Final = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +43,7 @@ class Suspects:
         for target in reversed(others):
             open_ = is_suspect & ~expected.is_known
             left_m = target.residuals(some.only(open_), no_motion[open_])
-            is_suspect[open_] = left_m > _MIN_RESIDUAL_M
+            is_suspect[open_] = left_m > 2 * NOISE_M
         changed = np.concatenate([target.objects_beside_gone for target in others])
         is_suspect |= np.isin(objects.numbers, changed)
         standing = judge(some.only(is_suspect), targets, no_motion[is_suspect])

@@ -9,7 +9,7 @@ from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.decision import evidence, free_space, moves, moving_scores
 from mnsf_ros.objects.motion_memory import Expectation
-from mnsf_ros.objects.motions import judge
+from mnsf_ros.objects.motions import best_of, judge
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import Settings
@@ -25,7 +25,7 @@ def plate(x_m, y_m=0.0):
 
 def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
     """The only object, with a track that expects a motion with some odds."""
-    expected = Expectation(np.ones(1, np.bool_), rows(track), np.zeros(1), np.full(1, odds))
+    expected = Expectation(np.ones(1), rows(track), np.zeros(1), np.full(1, odds), np.full(1, 0.05))
     standing = judge(objects, targets, rows((0, 0, 0)))
     return Suspects(np.arange(1), objects, standing, expected)
 
@@ -51,7 +51,7 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     objects = objects_of(current, max_size_m=20.0)
     nearest = objects.centers[:, 0] < 15
     nothing = 0.0 * nearest
-    expected = Expectation(nothing > 0, 0 * objects.centers, nothing, nothing)
+    expected = Expectation(nothing, 0 * objects.centers, nothing, nothing, nothing + 1)
     assert Suspects.among(objects, targets, expected).rows == np.flatnonzero(nearest)
     side = objects.only(nearest)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
@@ -77,7 +77,34 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     bias = moving_scores(evidence(without, standing, moving, *nothing))
     # The evidence of this sweep alone is just not enough.
     scores = moving_scores(features) - bias - 1.0
-    assert scores[0] == pytest.approx(-1.0 + 0.8 * min(odds, 8.0))
+    assert scores[0] == pytest.approx(-1.0 + 0.4 * odds)
     may_move, is_moving = moves(moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called
+
+
+@pytest.mark.parametrize(("odds", "goes_on"), [(-6.0, False), (0.0, False), (6.0, True)])
+def test_where_a_sweep_does_not_tell_a_mover_goes_on_as_expected(odds, goes_on):
+    # A side without ends lies on the other sweeps wherever it slid to.
+    motion, current = rows((0, -0.2, 0)), prepared(plate(12))
+    targets = Targets([target(prepared(plate(12)), current, step) for step in (1, -1)], [])
+    suspects = suspects_of(targets, objects_of(current), motion[0], odds)
+    standing, surprise = suspects.standing, suspects.expected.surprise
+    found = best_of(suspects.objects, targets, standing, [motion], surprise)
+    assert (found.motions == motion).all() == goes_on
+    # One that it was shown to stand by does not.
+    elsewhere = rows((0, -2.0, 0))
+    suspects = suspects_of(targets, objects_of(current), elsewhere[0], odds)
+    surprise = suspects.expected.surprise
+    found = best_of(suspects.objects, targets, standing, [elsewhere], surprise)
+    assert not found.motions.any()
+
+
+@pytest.mark.parametrize(("interval_s", "moves_by_m"), [(0.1, 0.025), (0.05, 0.0125), (0.5, 0.125)])
+def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m):
+    def said(length_m):
+        motion, scores = rows((length_m, 0, 0)), np.full(1, 9.0)
+        return moves(motion, scores, interval_s, Settings().objects)[1][0]
+
+    assert said(moves_by_m)
+    assert not said(0.7 * moves_by_m)
