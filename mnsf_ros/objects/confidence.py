@@ -16,7 +16,7 @@ from mnsf_ros.objects.suspects import Suspects
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
 # Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
 # per logarithm of one more than the score that they move, and of one metre more than the length.
-_MOVING: Final = (0.2, -0.78, 0.79, -1.25)
+_MOVING: Final = (0.39, -0.79, 1.19, -2.56)
 # Suspects without an accepted motion: constant, per metre of residual.
 _DOUBTFUL: Final = (1.91, -6.51)
 # Points that were never suspects: constant, per 10 m of range.
