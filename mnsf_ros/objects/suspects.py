@@ -43,6 +43,7 @@ class Suspects:
         for target in reversed(others):
             open_ = is_suspect & ~expected.is_known
             left_m = target.residuals(some.only(open_), no_motion[open_])
+            # What a sweep explains up to its noise without motion is no suspect.
             is_suspect[open_] = left_m > 2 * NOISE_M
         changed = np.concatenate([target.objects_beside_gone for target in others])
         is_suspect |= np.isin(objects.numbers, changed)
