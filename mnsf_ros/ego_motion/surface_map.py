@@ -30,14 +30,14 @@ class Comparison:
     """Residuals of points to the surfaces of a map, and the normal equations that reduce them.
 
     Attributes:
-        num_on_surfaces: Points that are near enough to the surface of their cell.
+        support: Points on the surface of their cell; one that is off by the noise counts half.
         num_known: Points in cells that are not empty.
         gradient: (6,) of half the squared distances, by a shift of the points along the axes of the
             world in metres, then by a turn about the sensor in radians.
         curvature: (6, 6) its derivative.
     """
 
-    num_on_surfaces: int
+    support: float
     num_known: int
     gradient: NDArray[np.float64]
     curvature: NDArray[np.float64]
@@ -88,21 +88,21 @@ class SurfaceMap:
         fit_surfaces(*where, sensor, self._surfaces)
 
     def compared(
-        self, points: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
+        self, points: NDArray[np.float32], pose: NDArray[np.float64], noise_m: float
     ) -> Comparison:
         """Compares points (N, 3), metres, of a sweep with the map.
 
         Args:
             points: The points.
             pose: (4, 4) of the sensor.
-            within_m: Points farther from the surface of their cell do not count.
+            noise_m: A point so far from the surface of its cell counts half.
         """
-        equations, found = np.zeros((6, 7)), (0, 0)
+        equations, found = np.zeros((6, 7)), (0.0, 0)
         moved = self._moved(points, pose)
         if moved is not None:
             cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
             found = compare(
-                moved, cells, self._surfaces, tuple(sensor.tolist()), within_m, equations
+                moved, cells, self._surfaces, tuple(sensor.tolist()), noise_m, equations
             )
         return Comparison(*found, gradient=equations[:, 6], curvature=equations[:, :6])
 

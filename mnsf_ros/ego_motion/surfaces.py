@@ -228,17 +228,17 @@ def _add_equations(
 
 
 @compiled(
-    "UniTuple(int64, 2)(float64[:, ::1], int32[::1], float64[:, :, ::1], UniTuple(float64, 3),"
-    " float64, float64[:, ::1])"
+    "Tuple((float64, int64))(float64[:, ::1], int32[::1], float64[:, :, ::1],"
+    " UniTuple(float64, 3), float64, float64[:, ::1])"
 )
 def compare(
     points: NDArray[np.float64],
     cells: NDArray[np.int32],
     surfaces: NDArray[np.float64],
     sensor: tuple[float, float, float],
-    within_m: float,
+    noise_m: float,
     equations: NDArray[np.float64],
-) -> tuple[int, int]:
+) -> tuple[float, int]:
     """Compares points with the surfaces of their cells.
 
     Args:
@@ -246,14 +246,14 @@ def compare(
         cells: (N,) their cells, -1 for none.
         surfaces: (C, 4, 3) the center of each surface, and its weights.
         sensor: Metres, what a turn is about.
-        within_m: Points farther from their surface do not count.
+        noise_m: A point so far from its surface counts half.
         equations: (6, 7) zeros; becomes the derivative of the gradient by a shift, then a turn, and
             in the last column the gradient of half the squared distances.
 
     Returns:
         How many points are on surfaces, and how many are in cells.
     """
-    on_surfaces, known, reach = 0, 0, within_m * within_m
+    support, known, variance = 0.0, 0, noise_m * noise_m
     for row in range(len(points)):
         cell = int(cells[row])
         if cell < 0:
@@ -268,15 +268,13 @@ def compare(
         pull_x = surfaces[cell, 1, 0] * x + surfaces[cell, 1, 1] * y + surfaces[cell, 1, 2] * z
         pull_y = surfaces[cell, 2, 0] * x + surfaces[cell, 2, 1] * y + surfaces[cell, 2, 2] * z
         pull_z = surfaces[cell, 3, 0] * x + surfaces[cell, 3, 1] * y + surfaces[cell, 3, 2] * z
-        squared = pull_x * x + pull_y * y + pull_z * z
-        if squared >= reach:
-            continue
-        on_surfaces += 1
+        squared = max(pull_x * x + pull_y * y + pull_z * z, 0.0)
+        # Geman and McClure's likelihood and its weight: what moves along hardly counts.
+        near = variance / (variance + squared)
+        support += near
         arm = px - sensor[0], py - sensor[1], pz - sensor[2]
-        # Tukey's weight: what is nearly too far off hardly counts.
-        weight = (1 - squared / reach) ** 2
-        _add_equations(weight, arm, (pull_x, pull_y, pull_z), cell, surfaces, equations)
+        _add_equations(near * near, arm, (pull_x, pull_y, pull_z), cell, surfaces, equations)
     for first in range(3):
         for axis in range(3):
             equations[3 + axis, first] = equations[first, 3 + axis]
-    return on_surfaces, known
+    return support, known

@@ -18,17 +18,18 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: vehicles that move along.
-_REACH_M: Final = 0.3
+# A point this far from its surface counts half. So narrow, vehicles that move along do not pull.
+_NOISE_M: Final = 0.05
+# What nobody expected, as of stamps that are off, is looked for with this instead.
+_WIDE_M: Final = 0.1
 _MAX_STEPS: Final = 10
-# Steps smaller than this, in metres at 30 m range, are the last.
-_LAST_STEP_M: Final = 0.001
+# Steps smaller than this share of the noise, at 30 m range, are the last.
+_LAST_STEP: Final = 0.06
 _FAR_M: Final = 30.0
-# Against the expected position each point counts as one with this error: neighbours err together.
-_POINT_M: Final = 0.16
-# Errors of a pose in random worlds are those of points with independent errors of the first size
-# and a common one of the second, by which traffic, or the pattern of the rays, pulls all of them.
-_NOISE_M: Final = 0.04
+# Less certain positions count as unknown (standard deviation).
+_MAX_DEVIATION_M: Final = 0.3
+# In random worlds, points have independent errors of the noise, and a common one of this, by which
+# traffic, or the pattern of the rays, pulls all of them.
 _COMMON_M: Final = 0.0003
 # Of a direction that nothing is known of.
 _LEAST_CURVATURE: Final = 1e-6
@@ -41,9 +42,6 @@ _SEARCHED: Final = (
 )
 _SEARCH_POINTS: Final = 1000
 _SEARCH_STARTS: Final = 5
-# What all points on surfaces count beside the upright ones: with .06 to .57 the right place of
-# those that are nearly as good is taken.
-_POWER: Final = 0.25
 # Fewer of the points in cells that were seen before are those of another place: .55 and more of the
 # second sweep of random worlds but for two of 117, .46 and less of other places (tunnels .62).
 _MIN_KNOWN: Final = 0.47
@@ -100,16 +98,28 @@ class SweepMatcher:
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            found = _known(cloud, *self._aligned(cloud.points, expected.pose, expected))
+            found = _known(cloud, *self._near(cloud.points, expected))
             if found is not None:
                 return found
         return self._searched(cloud)
 
+    def _near(
+        self, points: NDArray[np.float32], expected: Placed
+    ) -> tuple[NDArray[np.float64], Comparison]:
+        """The likeliest pose near an expected one, with the comparison there."""
+        found = self._aligned(points, expected.pose, expected)
+        wide, _ = self._aligned(points, found[0], expected, _WIDE_M)
+        if np.abs(wide[:3, 3] - found[0][:3, 3]).max() < _NOISE_M:
+            return found
+        other = self._aligned(points, wide, expected)
+        return max(found, other, key=lambda each: _posterior(each[0], each[1], expected))
+
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if the map does not know the place."""
-        settled = [self._aligned(cloud.points, start) for start in self._starts(cloud)]
-        best, _ = max(settled, key=lambda found: _likelihood(found[1]))
-        return _known(cloud, *self._aligned(cloud.points, best))
+        points, starts = cloud.points, self._starts(cloud)
+        wide = [self._aligned(points, start, None, _WIDE_M)[0] for start in starts]
+        settled = [self._aligned(points, pose) for pose in wide]
+        return _known(cloud, *max(settled, key=lambda found: _likelihood(found[1])))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -120,8 +130,8 @@ class SweepMatcher:
                 self._last_pose @ planar_pose(x, y, np.radians(angle))
                 for angle, x, y in product(angles_deg, shifts_m, shifts_m)
             ]
-            there = [self._map.compared(some, pose, _REACH_M) for pose in places]
-            counts = np.array([each.num_on_surfaces for each in there])
+            there = [self._map.compared(some, pose, _WIDE_M) for pose in places]
+            counts = np.array([each.support for each in there])
             counts = counts.reshape(len(angles_deg), len(shifts_m), len(shifts_m))
             peaks = np.flatnonzero(counts == maximum_filter(counts, 3))
             best = peaks[np.argsort(-counts.flat[peaks], kind="stable")[:_SEARCH_STARTS]]
@@ -133,6 +143,7 @@ class SweepMatcher:
         points: NDArray[np.float32],
         start: NDArray[np.float64],
         expected: Placed | None = None,
+        noise_m: float = _NOISE_M,
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
 
@@ -141,33 +152,39 @@ class SweepMatcher:
         """
         if expected is None:
             expected = Placed(start, np.eye(6))
-        holds = _POINT_M**2 * np.linalg.inv(expected.covariance[:3, :3])
+        holds = noise_m**2 * np.linalg.inv(expected.covariance[:3, :3])
         pose = start.copy()
         for _ in range(_MAX_STEPS):
-            there = self._map.compared(points, pose, _REACH_M)
+            there = self._map.compared(points, pose, noise_m)
             gradient, curvature = there.gradient.copy(), there.curvature.copy()
             gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
             curvature[:3, :3] += holds
             step = -solved(curvature + _least(curvature), gradient)
             pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
             pose[:3, 3] += step[:3]
-            if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
+            if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP * noise_m:
                 break
         return pose, there
 
 
+def _posterior(pose: NDArray[np.float64], there: Comparison, expected: Placed) -> float:
+    """What speaks for a place, less what the expected position has against it."""
+    off = pose[:3, 3] - expected.pose[:3, 3]
+    return float(there.support - off @ np.linalg.inv(expected.covariance[:3, :3]) @ off)
+
+
 def _likelihood(there: Comparison) -> float:
-    """How much speaks for a place: all points on surfaces, most of all those on upright ones.
+    """How much speaks for a place that nobody expects: upright surfaces, and how well all fit.
 
     By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one.
     """
-    return float(there.upright * there.num_on_surfaces**_POWER)
+    return float(there.upright * np.sqrt(there.support / max(there.num_known, 1)))
 
 
 def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
     """The pose with its covariance; None if the map does not know the place or hold the pose."""
     covariance = _covariance(there)
-    is_held = np.trace(covariance[:2, :2]) < _REACH_M**2
+    is_held = np.trace(covariance[:2, :2]) < _MAX_DEVIATION_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
     return Placed(pose, covariance) if is_held and is_known else None
 
@@ -177,7 +194,7 @@ def _covariance(there: Comparison) -> NDArray[np.float64]:
     curvature = there.curvature + _least(there.curvature)
     inverse = np.stack([solved(curvature, axis) for axis in np.eye(6)])
     arm_m2 = np.trace(curvature[3:, 3:]) / np.trace(curvature[:3, :3])
-    common = (_COMMON_M * there.num_on_surfaces) ** 2 * np.diag([1.0] * 3 + [arm_m2] * 3)
+    common = (_COMMON_M * there.support) ** 2 * np.diag([1.0] * 3 + [arm_m2] * 3)
     return _NOISE_M**2 * inverse + inverse @ common @ inverse
 
 

@@ -78,6 +78,15 @@ class TestRegistration:
                 found = ego_motion.pose_of(street.sweep(truth, index))
                 assert_near(found.world_from_sensor, truth, 0.04)
 
+    def test_follows_who_drives_off(self):
+        """With 4 m/s^2, twice as fast as is usual."""
+        for seed in range(4):
+            street, ego_motion = BoxStreet(seed), EgoMotion(REGISTRATION)
+            for index in range(14):
+                truth = pose(0.02 * max(index - 4, 0) ** 2)
+                found = ego_motion.pose_of(street.sweep(truth, index))
+                assert_near(found.world_from_sensor, truth, 0.04)
+
     def test_finds_tilt_and_climb(self):
         ego_motion = EgoMotion(REGISTRATION)
         truth = pose(0.5, 0, 0.05, pitch_deg=1.5)

@@ -12,7 +12,7 @@ from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
 SETTINGS = EgoMotionSettings()
-REACH_M = 0.3
+NOISE_M = 0.05
 
 
 def points_of(normals, number=400, seed=0):
@@ -75,9 +75,16 @@ class TestComparison:
             change = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
             gradient += change.T @ weights @ (place - center)
             curvature += change.T @ weights @ change
-        assert there.num_on_surfaces == 50
+        assert there.support == pytest.approx(50)
         np.testing.assert_allclose(there.gradient, gradient, atol=1e-5)
         np.testing.assert_allclose(there.curvature, curvature, atol=1e-5)
+
+    def test_a_point_off_by_the_noise_counts_half(self):
+        wall = points_of((0.2, 0.001, 0.2), 50)
+        surfaces = map_of(wall)
+        there = surfaces.compared(wall, pose(0, NOISE_M), NOISE_M)
+        assert there.support == pytest.approx(25, rel=0.1)
+        assert there.num_known == 50
 
 
 class TestForgetting:
@@ -86,8 +93,8 @@ class TestForgetting:
         short = map_of(old, *[new] * 19, num_sweeps=5)
         long = map_of(old, *[new] * 19, num_sweeps=30)
         for surfaces, number in ((short, 0), (long, 400)):
-            assert surfaces.compared(old, np.eye(4), REACH_M).num_known == number
-            assert surfaces.compared(new, np.eye(4), REACH_M).num_known == 400
+            assert surfaces.compared(old, np.eye(4), NOISE_M).num_known == number
+            assert surfaces.compared(new, np.eye(4), NOISE_M).num_known == 400
 
 
 class TestCloud:
