@@ -32,9 +32,9 @@ class Comparison:
     Attributes:
         support: Points on the surface of their cell; one that is off by the noise counts half.
         num_known: Points in cells that are not empty.
-        gradient: (6,) of half the squared distances, by a shift of the points along the axes of the
-            world in metres, then by a turn about the sensor in radians.
-        curvature: (6, 6) its derivative.
+        gradient: (6,) of -noise^2 / 2 times the support, by a shift of the points along the axes of
+            the world in metres, then by a turn about the sensor in radians.
+        curvature: (6, 6) its derivative, if the weights of the points stay as they are.
     """
 
     support: float
@@ -44,7 +44,7 @@ class Comparison:
 
     @property
     def upright(self) -> float:
-        """How many points are on upright surfaces, which hold the position."""
+        """The weights of all points on upright surfaces, which hold the position."""
         return float(self.curvature[0, 0] + self.curvature[1, 1])
 
 

@@ -247,11 +247,13 @@ def compare(
         surfaces: (C, 4, 3) the center of each surface, and its weights.
         sensor: Metres, what a turn is about.
         noise_m: A point so far from its surface counts half.
-        equations: (6, 7) zeros; becomes the derivative of the gradient by a shift, then a turn, and
-            in the last column the gradient of half the squared distances.
+        equations: (6, 7) zeros; becomes the curvature by a shift, then a turn, if the weights of
+            points stay as they are, and in the last column the gradient of -noise^2 / 2 times the
+            support.
 
     Returns:
-        How many points are on surfaces, and how many are in cells.
+        The support: each point on its surface counts 1, each farther off less. And how many points
+        are in cells.
     """
     support, known, variance = 0.0, 0, noise_m * noise_m
     for row in range(len(points)):
@@ -269,7 +271,7 @@ def compare(
         pull_y = surfaces[cell, 2, 0] * x + surfaces[cell, 2, 1] * y + surfaces[cell, 2, 2] * z
         pull_z = surfaces[cell, 3, 0] * x + surfaces[cell, 3, 1] * y + surfaces[cell, 3, 2] * z
         squared = max(pull_x * x + pull_y * y + pull_z * z, 0.0)
-        # Geman and McClure's likelihood and its weight: what moves along hardly counts.
+        # 1 less Geman and McClure's loss, its weight is the square: what moves along hardly counts.
         near = variance / (variance + squared)
         support += near
         arm = px - sensor[0], py - sensor[1], pz - sensor[2]

@@ -79,6 +79,19 @@ class TestComparison:
         np.testing.assert_allclose(there.gradient, gradient, atol=1e-5)
         np.testing.assert_allclose(there.curvature, curvature, atol=1e-5)
 
+    def test_its_gradient_is_that_of_the_support(self):
+        points, step_m = points_of((0.2, 0.02, 0.2), 50), 1e-4
+        surfaces = map_of(points)
+
+        def at(x, y):
+            return surfaces.compared(points, pose(x, y), NOISE_M)
+
+        found = at(0.01, 0.04).gradient[:2]
+        along = at(0.01 + step_m, 0.04).support - at(0.01 - step_m, 0.04).support
+        across = at(0.01, 0.04 + step_m).support - at(0.01, 0.04 - step_m).support
+        expected = -(NOISE_M**2) / 2 * np.array([along, across]) / (2 * step_m)
+        np.testing.assert_allclose(found, expected, rtol=0.01)
+
     def test_a_point_off_by_the_noise_counts_half(self):
         wall = points_of((0.2, 0.001, 0.2), 50)
         surfaces = map_of(wall)
