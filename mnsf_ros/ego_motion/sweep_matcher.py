@@ -110,8 +110,8 @@ class SweepMatcher:
         """The likeliest pose near an expected one, with the comparison there."""
         found = self._aligned(points, expected.pose, expected)
         wide, _ = self._aligned(points, found[0], expected, _WIDE_M)
-        turn = Rotation.from_matrix(wide[:3, :3] @ found[0][:3, :3].T).as_rotvec()
-        if _distance_m(wide[:3, 3] - found[0][:3, 3], turn) < _WIDE_M:
+        change = wide - found[0]
+        if _distance_m(change[:3, 3], change[:3, :3]) < _WIDE_M:
             return found
         other = self._aligned(points, wide, expected)
         return max(found, other, key=lambda each: _posterior(each[0], each[1], expected))
@@ -170,7 +170,7 @@ class SweepMatcher:
 
 
 def _distance_m(shift: NDArray[np.float64], turn: NDArray[np.float64]) -> float:
-    """How far points far off move by a shift (3,), metres, and a turn (3,), radians."""
+    """How far points far off move by a shift, metres, and a turn, radians or change of a matrix."""
     return float(np.abs(shift).max() + _FAR_M * np.abs(turn).max())
 
 
