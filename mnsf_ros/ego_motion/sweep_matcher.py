@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,11 @@ class Placed:
 
     pose: NDArray[np.float64]
     covariance: NDArray[np.float64]
+
+    @property
+    def information(self) -> NDArray[np.floating[Any]]:
+        """(3, 3) inverse of the covariance of the position."""
+        return np.linalg.inv(self.covariance[:3, :3])
 
 
 class SweepMatcher:
@@ -154,7 +159,7 @@ class SweepMatcher:
         """
         if expected is None:
             expected = Placed(start, np.eye(6))
-        holds = noise_m**2 * np.linalg.inv(expected.covariance[:3, :3])
+        holds = noise_m**2 * expected.information
         pose = start.copy()
         for _ in range(_MAX_STEPS):
             there = self._map.compared(points, pose, noise_m)
@@ -177,7 +182,7 @@ def _distance_m(shift: NDArray[np.float64], turn: NDArray[np.float64]) -> float:
 def _posterior(pose: NDArray[np.float64], there: Comparison, expected: Placed) -> float:
     """What speaks for a place, less what the expected position has against it."""
     off = pose[:3, 3] - expected.pose[:3, 3]
-    return float(there.support - off @ np.linalg.inv(expected.covariance[:3, :3]) @ off)
+    return float(there.support - off @ expected.information @ off)
 
 
 def _likelihood(there: Comparison) -> float:
