@@ -26,7 +26,6 @@ from mnsf_ros.objects import (
     motions,
     object_flow,
     scene,
-    splitting,
     target,
 )
 from mnsf_ros.objects.encoded_field import whole
@@ -58,10 +57,10 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "thickness": _without_term(4),
     "number of points": _without_term(5),
     "reach above the sensor": _without_term(6),
-    "followed before it is called": (decision, "_TENTATIVE", 0.0),
+    "clear odds": (decision, "_CLEARLY", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
-    "splitting": (splitting, "_PEDESTRIAN_M", 0.0),
+    "splitting": (scene, "split", lambda current, _: current),
     "attachments": (scene, "attached", lambda *_: _NONE),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),

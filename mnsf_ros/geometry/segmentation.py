@@ -121,11 +121,11 @@ def _labels_at(
     labels: NDArray[np.int32],
     objects: NDArray[np.int32],
 ) -> NDArray[np.int64]:
-    """The objects at points; points outside belong to the outermost cells."""
-    result = np.empty(len(points), np.int64)
-    last_row, last_column = labels.shape[0] - 1, labels.shape[1] - 1
+    """The objects at points, none outside."""
+    result = np.zeros(len(points), np.int64)
     for point in range(len(points)):
-        row = min(max((points[point, 0] - low_x) / cell_size_m, 0.0), last_row)
-        column = min(max((points[point, 1] - low_y) / cell_size_m, 0.0), last_column)
-        result[point] = objects[labels[int(row), int(column)]]
+        row = (points[point, 0] - low_x) / cell_size_m
+        column = (points[point, 1] - low_y) / cell_size_m
+        if 0 <= row < labels.shape[0] and 0 <= column < labels.shape[1]:
+            result[point] = objects[labels[int(row), int(column)]]
     return result

@@ -18,8 +18,8 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
 # fits them to random worlds and KITTI, then balanced between found and false movers.
 _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35)
-# Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
-_TENTATIVE: Final = 2.0
+# Odds that differ by more than this (logarithm) differ clearly.
+_CLEARLY: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +123,14 @@ def evidence(
     thickness, times that of the number of points, and times the metres from the sensor up to its
     top.
 
-    Free space says nothing of a part of a long object: that its place was free is why it is one.
+    Free space says nothing of a part of an object: that its place was free is why it is one.
 
     Args:
         suspects: K objects, and what tracks expect of them.
         standing: How well they are explained as static.
         moving: How well their motions explain them.
         free: (K,) see `free_space`.
-        are_parts: (K,) whether they were cut out of long objects.
+        are_parts: (K,) whether they were cut out of other objects.
     """
     objects, expected = suspects.objects, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
@@ -154,6 +154,8 @@ def _log_share(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray
 
 
 def moves(
+    numbers: NDArray[np.int64],
+    wholes: NDArray[np.int64],
     motions: NDArray[np.float32],
     scores: NDArray[np.float64],
     interval_s: float,
@@ -161,14 +163,28 @@ def moves(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
+    Those that are followed have no clearly lower odds than asked for. A part moves alone if it has
+    clearly higher odds than asked for, and than its whole, which then stands. Else it goes along
+    with a whole that moves.
+
     Args:
+        numbers: (K,) the objects.
+        wholes: (K,) what each of them was cut out of, else itself.
         motions: (K, 3) metres, to the next sweep.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
+    are_parts = wholes != numbers
     lengths = np.hypot(motions[:, 0], motions[:, 1])
     is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
     is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
-    return is_possible & (scores > limit - _TENTATIVE), is_possible & (scores > limit)
+    scores = scores - _CLEARLY * are_parts
+    may_move, is_moving = (is_possible & (scores > limit - less) for less in (_CLEARLY, 0.0))
+    alone, best = are_parts & is_moving, np.full(numbers.max(initial=0) + 1, -np.inf)
+    np.maximum.at(best, wholes[alone], scores[alone])
+    stands = ~are_parts & (best[numbers] > scores)
+    goes_along = are_parts & np.isin(wholes, numbers[is_moving & ~stands])
+    is_left = ~(stands | goes_along)
+    return may_move & is_left, is_moving & is_left

@@ -190,10 +190,9 @@ def fuse_motions(
         surprise: Of motions.
     """
     mean = np.float32(0.5) * (forward + inverted)
-    some = objects.thinner()
-    fitted = best_of(some, targets, judge(some, targets, mean), (forward, inverted), surprise)
-    best = fitted.better(best_of(some, targets, fitted, others, surprise), surprise, CLEARLY_SHARE)
-    return judge(objects, targets, best.motions)
+    fitted = best_of(objects, targets, judge(objects, targets, mean), (forward, inverted), surprise)
+    best = best_of(objects, targets, fitted, others, surprise)
+    return fitted.better(best, surprise, CLEARLY_SHARE)
 
 
 def held_m(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:

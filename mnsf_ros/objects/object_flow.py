@@ -105,6 +105,8 @@ class ObjectFlowEstimator:
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
         decision = self._decided(scene, clock)
+        movers = decision.fitted.objects.numbers[decision.is_moving]
+        scene = replace(scene, current=scene.current.without_parts_of(movers))
         with clock.stage("turns"):
             heads = self.heads(scene, decision)
         with clock.stage("tracks"):
@@ -138,10 +140,14 @@ class ObjectFlowEstimator:
         with clock.stage("gate"):
             standing = judge(fitted.objects, targets, np.zeros_like(moving.motions))
             free = free_space(fitted.objects, targets, moving.motions)
-            are_parts = scene.current.are_parts[fitted.objects.numbers]
+            wholes = scene.current.wholes[fitted.objects.numbers]
+            are_parts = wholes != fitted.objects.numbers
             features = evidence(fitted, standing, moving, free, are_parts)
             scores = moving_scores(features)
-            may_move, is_moving = moves(moving.motions, scores, scene.usual_interval_s, settings)
+            interval_s = scene.usual_interval_s
+            may_move, is_moving = moves(
+                fitted.objects.numbers, wholes, moving.motions, scores, interval_s, settings
+            )
             followed = fitted.objects.only(may_move)
             held = np.zeros(len(may_move))
             held[may_move] = held_m(followed, moving.only(may_move), targets)
@@ -152,7 +158,7 @@ class ObjectFlowEstimator:
                 is_moving[may_move],
                 held[may_move],
                 pose,
-                scene.usual_interval_s,
+                interval_s,
             )
             # What goes along with a mover is a part of it.
             is_moving[may_move] = seen.are_moving[seen.groups]

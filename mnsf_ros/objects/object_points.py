@@ -40,12 +40,9 @@ class ObjectPoints:
     @classmethod
     def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> "ObjectPoints":
         """Chooses points of each object that is neither too small nor too large to move."""
+        points, objects = sweep.members()
         numbers, chosen, owners = _chosen(
-            sweep.thinned,
-            sweep.thinned_objects,
-            sweep.may_move,
-            settings.min_points,
-            settings.points_per_object,
+            points, objects, sweep.may_move, settings.min_points, settings.points_per_object
         )
         return cls(numbers, chosen, owners, spacing_of(chosen))
 
@@ -60,8 +57,9 @@ class ObjectPoints:
 
     def all_points(self, sweep: ObjectSweep) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these."""
-        rows = self.rows_of(sweep.num_objects)[sweep.thinned_objects]
-        return chosen_points(sweep.thinned, rows >= 0), rows[rows >= 0]
+        points, objects = sweep.members()
+        rows = self.rows_of(sweep.num_objects)[objects]
+        return chosen_points(points, rows >= 0), rows[rows >= 0]
 
     def only(self, wanted: NDArray[np.bool_]) -> "ObjectPoints":
         """Returns the objects of the (K,) mask."""

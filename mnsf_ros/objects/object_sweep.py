@@ -40,7 +40,7 @@ class ObjectSweep:
         num_objects: Number of objects; number 0 is none.
         grid: The thinned points in cells.
         may_move: (all objects,) bool, those that are not too long to move.
-        are_parts: (all objects,) bool, those that were cut out of others, see `with_parts`.
+        wholes: (all objects,) int, what each was cut out of, see `with_parts`; else itself.
     """
 
     def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
@@ -73,7 +73,7 @@ class ObjectSweep:
         self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
         self.may_move = self.sizes < settings.objects.max_size_m
-        self.are_parts: NDArray[np.bool_] = np.zeros(self.num_objects, np.bool_)
+        self.wholes: NDArray[np.int64] = np.arange(self.num_objects)
 
     @cached_property
     def view(self) -> RangeView:
@@ -85,7 +85,7 @@ class ObjectSweep:
         """(all objects,) how many thinned points each has."""
         return np.bincount(self.thinned_objects, minlength=self.num_objects)
 
-    @cached_property
+    @property
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
         return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
@@ -94,32 +94,54 @@ class ObjectSweep:
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
-            rows: (P,) the points; touching ones are one object, which may move.
+            rows: (P,) the points; touching ones of one object are a part of it, which may move.
         """
         other = copy(self)
         if len(rows) == 0:
             return other
         chosen = np.take(self.thinned, rows, axis=0)
         parts = Segmentation(chosen, TOUCH_M)
-        low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
         is_split = np.zeros(self.num_objects, np.bool_)
         is_split[self.thinned_objects[rows]] = True
 
+        def keys_of(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
+            return parts.objects_of(points) * self.num_objects + objects
+
+        keys = np.unique(keys_of(chosen, self.thinned_objects[rows]))
+        num_parts = len(keys)
+
         def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
             own = np.flatnonzero(is_split[objects])
-            places = np.take(points, own, axis=0)[:, :2]
-            own = own[((places >= low) & (places <= high)).all(axis=1)]
-            numbers, changed = parts.objects_of(np.take(points, own, axis=0)), objects.copy()
-            changed[own[numbers > 0]] = numbers[numbers > 0] + self.num_objects - 1
+            wanted, changed = keys_of(np.take(points, own, axis=0), objects[own]), objects.copy()
+            places = np.minimum(np.searchsorted(keys, wanted), num_parts - 1)
+            is_part = keys[places] == wanted
+            changed[own[is_part]] = places[is_part] + self.num_objects
             return changed
 
-        num_parts = parts.num_objects - 1
-        other.__dict__.pop("sizes", None)
         other.num_objects = self.num_objects + num_parts
         other.may_move = np.append(self.may_move, np.ones(num_parts, np.bool_))
-        other.are_parts = np.append(self.are_parts, np.ones(num_parts, np.bool_))
+        other.wholes = np.append(self.wholes, keys % self.num_objects)
         other.thinned_objects = apart(self.thinned, self.thinned_objects)
         other._point_objects = apart(self._points, self._point_objects)
+        return other
+
+    def members(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """(M, 3) metres, the thinned points of each object, and (M,) the objects.
+
+        Those of a part are points of its whole, too.
+        """
+        labels = self.thinned_objects
+        wholes = self.wholes[labels]
+        of_parts = np.flatnonzero(wholes != labels)
+        points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
+        return points, np.append(wholes, labels[of_parts])
+
+    def without_parts_of(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
+        """Returns the same sweep with the objects of these numbers whole again."""
+        other = copy(self)
+        after = np.where(np.isin(self.wholes, numbers), self.wholes, np.arange(self.num_objects))
+        other.thinned_objects = after[self.thinned_objects]
+        other._point_objects = after[self._point_objects]
         return other
 
     def objects(self) -> NDArray[np.int64]:

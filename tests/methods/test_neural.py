@@ -85,7 +85,7 @@ def test_finds_the_flow_of_a_car_and_goes_on_warm(motion, limit_m):
     assert {"forward", "backward", "fusion"} < last.times_ms.keys()
 
 
-@pytest.mark.parametrize(("motion", "limit_m"), [(STRAIGHT, 0.01), (TURNING, 0.05)])
+@pytest.mark.parametrize(("motion", "limit_m"), [(STRAIGHT, 0.01), (TURNING, 0.07)])
 def test_online_finds_how_a_car_moves_and_turns(motion, limit_m):
     estimates, car, _ = zip(*drive(motion, 8, method="online"), strict=True)
     # How it turns is known once it was seen.
