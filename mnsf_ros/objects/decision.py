@@ -16,10 +16,11 @@ from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 # Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
-# fits them to random worlds and KITTI, then balanced between found and false movers.
-_WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35)
-# Odds that differ by more than this (logarithm) differ clearly.
-_CLEARLY: Final = 2.0
+# fits them to random worlds and KITTI, then balanced between found and false movers: the last, for
+# parts, so that at the limit half of those that move alone do.
+_WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
+# Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
+_TENTATIVE: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ class Decision:
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (K,) logarithm of the odds that objects with some evidence (K, 7) move."""
+    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move."""
     return (features * np.asarray(_WEIGHTS)).sum(axis=1)
 
 
@@ -114,16 +115,15 @@ def evidence(
     free: NDArray[np.float64],
     are_parts: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Returns (K, 7) features for and against the motions of K objects.
+    """Returns (K, 8) features for and against the motions of K objects.
 
     These are: 1; the logarithm of the number of points in free space; the odds so far; the
     logarithm of one metre more than a motion that no track expected. And the logarithm of the share
     of the residual that the motion leaves in the neighbouring sweeps, plus that of the older ones,
     or of the neighbouring ones once more where there are none: times the logarithm of the
     thickness, times that of the number of points, and times the metres from the sensor up to its
-    top.
-
-    Free space says nothing of a part of an object: that its place was free is why it is one.
+    top. And whether it is a part: most move with their wholes. Free space says nothing of those,
+    as that their places were free is why they are parts.
 
     Args:
         suspects: K objects, and what tracks expect of them.
@@ -145,6 +145,7 @@ def evidence(
         shares * thicknesses,
         shares * np.log(objects.counts),
         shares * objects.tops,
+        are_parts,
     )
     return np.stack(columns, axis=1).astype(np.float64)
 
@@ -163,9 +164,7 @@ def moves(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
-    Those that are followed have no clearly lower odds than asked for. A part moves alone if it has
-    clearly higher odds than asked for, and than its whole, which then stands. Else it goes along
-    with a whole that moves.
+    Of a part and its whole the likelier one does: the whole stands, or the part goes along.
 
     Args:
         numbers: (K,) the objects.
@@ -180,11 +179,9 @@ def moves(
     is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
     is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
-    scores = scores - _CLEARLY * are_parts
-    may_move, is_moving = (is_possible & (scores > limit - less) for less in (_CLEARLY, 0.0))
-    alone, best = are_parts & is_moving, np.full(numbers.max(initial=0) + 1, -np.inf)
+    may_move = is_possible & (scores > limit - _TENTATIVE)
+    alone, best = are_parts & may_move, np.full(numbers.max(initial=0) + 1, -np.inf)
     np.maximum.at(best, wholes[alone], scores[alone])
-    stands = ~are_parts & (best[numbers] > scores)
-    goes_along = are_parts & np.isin(wholes, numbers[is_moving & ~stands])
-    is_left = ~(stands | goes_along)
-    return may_move & is_left, is_moving & is_left
+    may_move &= are_parts | (scores >= best[numbers])
+    may_move &= ~are_parts | ~np.isin(wholes, numbers[may_move])
+    return may_move, may_move & (scores > limit)

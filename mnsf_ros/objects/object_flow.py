@@ -140,13 +140,12 @@ class ObjectFlowEstimator:
         with clock.stage("gate"):
             standing = judge(fitted.objects, targets, np.zeros_like(moving.motions))
             free = free_space(fitted.objects, targets, moving.motions)
-            wholes = scene.current.wholes[fitted.objects.numbers]
-            are_parts = wholes != fitted.objects.numbers
-            features = evidence(fitted, standing, moving, free, are_parts)
+            numbers, interval_s = fitted.objects.numbers, scene.usual_interval_s
+            wholes = scene.current.wholes[numbers]
+            features = evidence(fitted, standing, moving, free, wholes != numbers)
             scores = moving_scores(features)
-            interval_s = scene.usual_interval_s
             may_move, is_moving = moves(
-                fitted.objects.numbers, wholes, moving.motions, scores, interval_s, settings
+                numbers, wholes, moving.motions, scores, interval_s, settings
             )
             followed = fitted.objects.only(may_move)
             held = np.zeros(len(may_move))

@@ -39,7 +39,6 @@ class ObjectSweep:
         thinned_objects: (T,) int, their objects.
         num_objects: Number of objects; number 0 is none.
         grid: The thinned points in cells.
-        may_move: (all objects,) bool, those that are not too long to move.
         wholes: (all objects,) int, what each was cut out of, see `with_parts`; else itself.
     """
 
@@ -72,8 +71,8 @@ class ObjectSweep:
         self.thinned = _thinned(points, settings)
         self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
-        self.may_move = self.sizes < settings.objects.max_size_m
         self.wholes: NDArray[np.int64] = np.arange(self.num_objects)
+        self._max_size_m = settings.objects.max_size_m
 
     @cached_property
     def view(self) -> RangeView:
@@ -83,18 +82,23 @@ class ObjectSweep:
     @property
     def counts(self) -> NDArray[np.int64]:
         """(all objects,) how many thinned points each has."""
-        return np.bincount(self.thinned_objects, minlength=self.num_objects)
+        return np.bincount(self.members()[1], minlength=self.num_objects)
 
     @property
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
-        return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
+        return sizes_of(*self.members(), self.num_objects)
+
+    @cached_property
+    def may_move(self) -> NDArray[np.bool_]:
+        """(all objects,) those that are not too long to move."""
+        return np.asarray(self.sizes < self._max_size_m)
 
     def with_parts(self, rows: NDArray[np.int64]) -> "ObjectSweep":
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
-            rows: (P,) the points; touching ones of one object are a part of it, which may move.
+            rows: (P,) the points; touching ones of one object are a part of it.
         """
         other = copy(self)
         if len(rows) == 0:
@@ -118,8 +122,8 @@ class ObjectSweep:
             changed[own[is_part]] = places[is_part] + self.num_objects
             return changed
 
+        other.__dict__.pop("may_move", None)
         other.num_objects = self.num_objects + num_parts
-        other.may_move = np.append(self.may_move, np.ones(num_parts, np.bool_))
         other.wholes = np.append(self.wholes, keys % self.num_objects)
         other.thinned_objects = apart(self.thinned, self.thinned_objects)
         other._point_objects = apart(self._points, self._point_objects)

@@ -90,7 +90,8 @@ class Scene:
         current = self.current
         owners = current.objects()
         rows = movers.rows_of(current.num_objects)[owners]
-        beside, their_rows = attached(current, owners, movers, self._are_loose(doubtful.objects))
+        are_loose = self._are_loose(doubtful.objects, movers)
+        beside, their_rows = attached(current, owners, movers, are_loose)
         rows[beside] = their_rows
         if current.clock is not None:
             velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
@@ -130,11 +131,15 @@ class Scene:
             track_ids=track_ids,
         )
 
-    def _are_loose(self, doubtful: ObjectPoints) -> NDArray[np.bool_]:
-        """Returns the mask (all objects,) of those that are doubtful or too small to be fitted."""
-        current = self.current
-        are_loose = current.counts < self.min_points
+    def _are_loose(self, doubtful: ObjectPoints, movers: ObjectPoints) -> NDArray[np.bool_]:
+        """Returns the mask (all objects,) of those that are doubtful or too small to be fitted.
+
+        A whole that stands while a part of it moves is neither.
+        """
+        wholes = self.current.wholes
+        are_loose = (self.current.counts < self.min_points)[wholes]
         are_loose[doubtful.numbers] = True
+        are_loose[wholes[movers.numbers]] = False
         are_loose[0] = False
         return are_loose
 

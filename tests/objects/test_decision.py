@@ -116,14 +116,15 @@ def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m
     ("scores", "followed", "moving"),
     [
         ((5.0, 4.0), [True, False], [True, False]),
-        ((1.0, 2.5), [True, False], [True, False]),
-        ((1.0, 3.5), [False, True], [False, True]),
-        ((-1.0, 1.5), [True, True], [False, False]),
-        ((-3.0, 1.5), [False, True], [False, False]),
-        ((-3.0, -1.0), [False, False], [False, False]),
+        ((1.0, 1.5), [False, True], [False, True]),
+        ((1.0, -0.5), [True, False], [True, False]),
+        ((-1.0, 0.5), [False, True], [False, True]),
+        ((-1.0, -0.5), [False, True], [False, False]),
+        ((-3.0, -1.0), [False, True], [False, False]),
+        ((-3.0, -4.0), [False, False], [False, False]),
     ],
 )
-def test_a_part_moves_alone_only_if_that_is_clear(scores, followed, moving):
+def test_of_a_part_and_its_whole_the_likelier_moves(scores, followed, moving):
     settings = Settings().objects
     numbers, wholes, motions = np.array([3, 7]), np.array([3, 3]), rows((0.3, 0, 0), (0.3, 0, 0))
     may_move, is_moving = moves(numbers, wholes, motions, np.array(scores), 0.1, settings)

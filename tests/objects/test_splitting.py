@@ -71,13 +71,18 @@ class TestSplit:
         np.testing.assert_array_equal(kept.objects(), found.objects())
 
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):
-        found = after([HEDGE], np.concatenate([person(1.0), HEDGE]))
-        objects = objects_of(found)
-        part = objects.positions[objects.owners == len(objects) - 1]
-        assert objects.numbers[-1] == found.num_objects - 1
-        whole = found.wholes[-1]
-        assert whole in objects.numbers
-        assert objects.counts[objects.numbers == whole] >= len(part)
+        points = np.concatenate([person(1.0), HEDGE])
+        found, whole = after([HEDGE], points), prepared(FAR, points)
+        *of_wholes, of_part = found.counts
+        assert of_wholes == whole.counts.tolist()
+        assert of_part == (found.thinned_objects == found.num_objects - 1).sum() > 20
+        np.testing.assert_array_equal(found.sizes[:-1], whole.sizes)
+
+    def test_a_part_may_be_too_long_to_move(self):
+        found = after([], sheet(14.0, 40.0, 0.5))
+        assert found.wholes[-1] < found.num_objects - 1
+        assert 24.0 < found.sizes[-1] < 30.0
+        assert not found.may_move[-1]
 
     def test_no_other_sweep_and_nothing_new(self):
         current = prepared(surface((8.0, 0.0, 0.0)))
@@ -128,7 +133,7 @@ def test_what_is_new_of_a_bus_goes_along_with_it(body):
     assert np.abs(over_ground.motion[:own].mean(axis=0) - (0, 0.5, 0)).max() < 0.05
 
 
-@pytest.mark.parametrize("length_m", [16.0, 5.0])
+@pytest.mark.parametrize("length_m", [16.0, 5.0, 1.4])
 def test_a_person_who_walks_along_a_hedge_moves_and_the_hedge_does_not(length_m):
     hedge = sheet(10.4, length_m, 0.5)
     over_ground = last_estimate(
