@@ -120,6 +120,7 @@ class Verdict(Enum):
     LEFT_OUT = "left out: other suspects are nearer"
     NO_BETTER_MOTION = "no motion explains it better"
     REFUSED = "refused by the gate"
+    PARTLY = "a part of it moves alone"
     DYNAMIC = "dynamic"
 
 

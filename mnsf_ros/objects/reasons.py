@@ -68,7 +68,11 @@ class Reasons:
 
     def _verdict(self, number: int, num_points: int, fitted: int | None) -> Verdict:
         if fitted is not None:
-            return Verdict.DYNAMIC if self.decision.is_moving[fitted] else Verdict.REFUSED
+            if self.decision.is_moving[fitted]:
+                return Verdict.DYNAMIC
+            movers = self.decision.fitted.objects.numbers[self.decision.is_moving]
+            stands_beside = number in self.scene.current.wholes[movers]
+            return Verdict.PARTLY if stands_beside else Verdict.REFUSED
         if number in self.decision.searched.objects.numbers:
             return Verdict.NO_BETTER_MOTION
         if num_points < self.settings.min_points:

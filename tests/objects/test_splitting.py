@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, surface, target
 
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.objects.splitting import split
 from mnsf_ros.settings import Settings
@@ -119,27 +120,39 @@ def last_estimate(scenes):
     estimator = ObjectFlowEstimator(settings)
     for number in range(1, len(sweeps) - 1):
         estimate = estimator.estimate(SweepTriplet(*sweeps[number - 1 : number + 2]))
-    return estimate.over_ground
+    return estimate
 
 
 @pytest.mark.parametrize("body", [bus, coach])
 def test_what_is_new_of_a_bus_goes_along_with_it(body):
     over_ground = last_estimate(
         [np.concatenate([body(0.5 * number - 4.0), FAR]) for number in range(10)]
-    )
+    ).over_ground
     own = len(body(0.0))
     assert over_ground.dynamic[:own].mean() > 0.99
     assert not over_ground.dynamic[own:].any()
     assert np.abs(over_ground.motion[:own].mean(axis=0) - (0, 0.5, 0)).max() < 0.05
 
 
+def beside(hedge):
+    """The last estimate of a person who walks along a hedge."""
+    return last_estimate(
+        [np.concatenate([person(0.15 * number), hedge, FAR]) for number in range(10)]
+    )
+
+
 @pytest.mark.parametrize("length_m", [16.0, 5.0, 1.4])
 def test_a_person_who_walks_along_a_hedge_moves_and_the_hedge_does_not(length_m):
     hedge = sheet(10.4, length_m, 0.5)
-    over_ground = last_estimate(
-        [np.concatenate([person(0.15 * number), hedge, FAR]) for number in range(10)]
-    )
+    over_ground = beside(hedge).over_ground
     assert over_ground.dynamic[:300].mean() > 0.7
     assert over_ground.dynamic[300:].mean() < 0.01
     moved = over_ground.motion[:300][over_ground.dynamic[:300]]
     assert np.abs(moved.mean(axis=0) - (0, 0.15, 0)).max() < 0.03
+
+
+def test_what_stands_beside_a_part_of_it_says_so():
+    hedge = sheet(10.4, 2.5, 0.5)
+    reason_of = beside(hedge).reason_of
+    assert reason_of(np.arange(300)).verdict is Verdict.DYNAMIC
+    assert reason_of(np.arange(300, 300 + len(hedge))).verdict is Verdict.PARTLY
