@@ -21,15 +21,10 @@ from frame import Table, make_parser, publish
 from movers import CACHE, DURATION_S, in_processes
 from world_scores import world_score
 
-from mnsf_ros.objects import (
-    decision,
-    motions,
-    object_flow,
-    scene,
-    target,
-)
+from mnsf_ros.objects import decision, motions, object_flow, scene, target
 from mnsf_ros.objects.encoded_field import whole
 from mnsf_ros.sweeps.ground_surface import GroundSurface
+from mnsf_ros.sweeps.range_view import RangeView
 
 _FIGURES: Final = {
     "recall": "recall",
@@ -60,6 +55,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "parts move alone less often": _without_term(7),
     "followed before it is called": (decision, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
+    "between the beams": (RangeView, "are_between", lambda _, xyz: np.zeros(len(xyz), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "splitting": (scene, "split", lambda current, _: current),
     "attachments": (scene, "attached", lambda *_: _NONE),

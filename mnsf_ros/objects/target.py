@@ -138,8 +138,12 @@ class Target:
             flows: (P, 3) metres, how far they are moved.
         """
         places = transformed(objects.positions + flows, self.from_current)
-        is_hidden = self.sweep.view.are_hidden(places)
-        return np.where(is_hidden, np.float32(_HIDDEN_M), np.float32(REACH_M))
+        view = self.sweep.view
+        limits_m = np.where(view.are_hidden(places), np.float32(_HIDDEN_M), np.float32(REACH_M))
+        # A place that no laser meets tells nothing, though traces of lasers, which go along with
+        # the robot, are beside it.
+        limits_m[view.are_between(places)] = 0.0
+        return limits_m
 
     def residuals(
         self,

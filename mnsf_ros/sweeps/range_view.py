@@ -4,6 +4,7 @@
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
@@ -20,6 +21,8 @@ _ARCTAN: Final = tuple(
 # A place is free only if it is nearer than what is around by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
+# A row of cells with fewer returns than this share of those above and below is between beams.
+_BETWEEN_SHARE: Final = 0.1
 
 
 class RangeView:
@@ -33,6 +36,7 @@ class RangeView:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
         self._nearest_around = _nearest_around(self._nearest)
+        self._between = _between(np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1))
 
     def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
@@ -47,6 +51,22 @@ class RangeView:
         """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
         cells, ranges = _directions(np.ascontiguousarray(positions))
         return self._nearest[cells] + _margins(ranges) < ranges
+
+    def are_between(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3), metres, sensor frame, are between the beams.
+
+        Hardly anything returns from their elevation, all around, but much from above and below.
+        """
+        cells, _ = _directions(np.ascontiguousarray(positions))
+        return self._between[cells // NUM_AZIMUTHS]
+
+
+def _between(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns (E,) which elevations are between the beams, by the cells (E, A) with a return."""
+    counts = is_seen.sum(axis=1)
+    sides = sliding_window_view(np.pad(counts, _NUM_REACHED), _NUM_REACHED).max(axis=1)
+    below, above = sides[: len(counts)], sides[-len(counts) :]
+    return np.asarray(counts < _BETWEEN_SHARE * np.minimum(below, above))
 
 
 def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:

@@ -1,0 +1,45 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Places that a sweep knows nothing of: between its beams."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.sweeps.range_view import RangeView
+
+
+def rings(elevations_deg, azimuths_deg=tuple(np.arange(0.0, 360.0, 0.4)), range_m=10.0):
+    """(N, 3) float32, what lasers at some elevations meet."""
+    elevations, azimuths = np.deg2rad(np.meshgrid(elevations_deg, azimuths_deg)).reshape(2, -1)
+    flat = np.cos(elevations)
+    directions = np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)])
+    return (range_m * directions.T).astype(np.float32)
+
+
+FEW = np.arange(-14.5, 15.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("beams_deg", "place_deg", "is_between"),
+    [
+        (FEW, -13.5, True),
+        (FEW, -12.5, False),
+        (FEW, 16.5, False),
+        (np.arange(-14.5, 15.0, 0.4), -13.5, False),
+    ],
+)
+def test_between_few_beams_nothing_is_known(beams_deg, place_deg, is_between):
+    view = RangeView(rings(beams_deg))
+    assert view.are_between(rings([place_deg])).all() == is_between
+    assert view.are_between(rings([place_deg])).any() == is_between
+
+
+def test_where_few_things_reach_up_the_beams_still_meet_them():
+    ground, person = rings(np.arange(-19.5, 0.0)), rings(np.arange(-4.5, 6.0), np.arange(0, 5, 0.4))
+    view = RangeView(np.concatenate([ground, person]))
+    assert not view.are_between(person).any()
+
+
+def test_nothing_returned():
+    assert not RangeView(rings([])).are_between(rings(FEW)).any()
