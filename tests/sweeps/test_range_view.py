@@ -9,15 +9,15 @@ import pytest
 from mnsf_ros.sweeps.range_view import RangeView
 
 
-def rings(elevations_deg, azimuths_deg=tuple(np.arange(0.0, 360.0, 0.4)), range_m=10.0):
+AROUND, FEW = np.arange(0.0, 360.0, 0.4), np.arange(-14.5, 15.0, 2.0)
+
+
+def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
     """(N, 3) float32, what lasers at some elevations meet."""
     elevations, azimuths = np.deg2rad(np.meshgrid(elevations_deg, azimuths_deg)).reshape(2, -1)
     flat = np.cos(elevations)
     directions = np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)])
     return (range_m * directions.T).astype(np.float32)
-
-
-FEW = np.arange(-14.5, 15.0, 2.0)
 
 
 @pytest.mark.parametrize(
