@@ -8,7 +8,6 @@ import pytest
 
 from mnsf_ros.sweeps.range_view import RangeView
 
-
 AROUND, FEW = np.arange(0.0, 360.0, 0.4), np.arange(-14.5, 15.0, 2.0)
 
 
