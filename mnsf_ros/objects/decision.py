@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.motions import JudgedMotions, are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
@@ -97,7 +98,10 @@ def free_space(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
     """
-    points, owners = objects.all_points(targets.near[0].current)
+    current = targets.near[0].current
+    # What is gone beside a part is no evidence for the whole.
+    rows = objects.rows_of(current.num_objects)[current.thinned_objects]
+    points, owners = chosen_points(current.thinned, rows >= 0), rows[rows >= 0]
     free = np.zeros(len(objects))
     for target in (*targets.past, *targets.near):
         free += target.num_free(objects, np.zeros_like(motions))

@@ -156,6 +156,7 @@ class ObjectFlowEstimator:
                 scores[may_move],
                 is_moving[may_move],
                 held[may_move],
+                followed.all_points(scene.current),
                 pose,
                 interval_s,
             )

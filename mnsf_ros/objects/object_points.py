@@ -56,12 +56,10 @@ class ObjectPoints:
         return rows
 
     def all_points(self, sweep: ObjectSweep) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these.
-
-        Those of a part are not repeated for its whole.
-        """
-        rows = self.rows_of(sweep.num_objects)[sweep.thinned_objects]
-        return chosen_points(sweep.thinned, rows >= 0), rows[rows >= 0]
+        """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these."""
+        points, objects = sweep.members()
+        rows = self.rows_of(sweep.num_objects)[objects]
+        return chosen_points(points, rows >= 0), rows[rows >= 0]
 
     def only(self, wanted: NDArray[np.bool_]) -> "ObjectPoints":
         """Returns the objects of the (K,) mask."""

@@ -53,6 +53,7 @@ class Sightings:
         scores: NDArray[np.float64],
         is_moving: NDArray[np.bool_],
         held: NDArray[np.float64],
+        around: tuple[NDArray[np.float32], NDArray[np.int64]],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> "Sightings":
@@ -64,10 +65,11 @@ class Sightings:
             scores: (K,) logarithm of the odds that they move.
             is_moving: (K,) whether they are said to move.
             held: (K,) metres, how well the motions are held, see `held_m`.
+            around: All points of theirs, see `ObjectPoints.all_points`.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
-        groups = mover_groups(movers, motions)
+        groups = mover_groups(movers, motions, *around)
         number = int(groups.max(initial=-1)) + 1
         order = np.argsort(groups[movers.owners], kind="stable")
         points = transformed(movers.positions, world_from_sensor)[order].astype(np.float64)
@@ -110,17 +112,26 @@ def _sums(
     return np.stack(columns, axis=1)
 
 
-def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
+def mover_groups(
+    movers: ObjectPoints,
+    motions: NDArray[np.float32],
+    points: NDArray[np.float32],
+    owners: NDArray[np.int64],
+) -> NDArray[np.int64]:
     """Returns (K,) the number from 0 of the thing that each of K movers is a part of.
 
     Args:
         movers: K objects that move.
         motions: (K, 3) metres, their motions to the next sweep.
+        points: (A, 3) metres, all points of theirs: of long ones those chosen are far apart.
+        owners: (A,) the rows of their movers.
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64)
-    tree = cKDTree(movers.positions)
-    pairs = movers.owners[tree.query_pairs(REACH_M, output_type="ndarray")]
+    near = cKDTree(movers.positions).sparse_distance_matrix(
+        cKDTree(points), REACH_M, output_type="ndarray"
+    )
+    pairs = np.stack([movers.owners[near["i"]], owners[near["j"]]], axis=1)
     first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)

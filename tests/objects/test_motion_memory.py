@@ -50,7 +50,8 @@ def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     none = np.zeros(len(objects))
     pose = current.pose.world_from_sensor
-    seen = Sightings.of(objects, motions, none, none == 0, none + 1, pose, interval_s or 0.1)
+    around, usual_s = (objects.positions, objects.owners), interval_s or 0.1
+    seen = Sightings.of(objects, motions, none, none == 0, none + 1, around, pose, usual_s)
     stamp_ns = current.sweep.stamp_ns
     return memory.follow(memory.expected(stamp_ns, interval_s), seen, stamp_ns, interval_s)
 

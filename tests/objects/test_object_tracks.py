@@ -33,7 +33,10 @@ def seen(*centers, velocity=(10.0, 0.0, 0.0), turn_rate=0.0, size=(2.0, 1.5, 1.5
     objects = objects_at(*centers, size=size)
     are_moving = np.ones(number, np.bool_)
     held = np.full(number, held_m)
-    sightings = Sightings.of(objects, motions, scores, are_moving, held, np.eye(4), INTERVAL_S)
+    around = objects.positions, objects.owners
+    sightings = Sightings.of(
+        objects, motions, scores, are_moving, held, around, np.eye(4), INTERVAL_S
+    )
     return replace(sightings, turn_rates=np.full(number, turn_rate))
 
 
@@ -149,5 +152,14 @@ class TestState:
 )
 def test_groups_of_movers(away_m, second_motion, groups):
     objects = objects_at((0, 0, 0), (away_m, 0, 0))
-    assert mover_groups(objects, rows((1, 0, 0), second_motion)).tolist() == groups
-    assert mover_groups(objects_at(), rows()).tolist() == []
+    motions = rows((1, 0, 0), second_motion)
+    around = objects.positions, objects.owners
+    assert mover_groups(objects, motions, *around).tolist() == groups
+    nothing = objects_at()
+    assert mover_groups(nothing, rows(), nothing.positions, nothing.owners).tolist() == []
+
+
+def test_halves_of_a_long_mover_touch_though_few_of_their_points_are_chosen():
+    halves, motions = objects_at((0, 0, 0), (3.5, 0, 0)), rows((1, 0, 0), (1, 0, 0))
+    points = np.concatenate([halves.positions, halves.positions[:1] + np.float32(0.1)])
+    assert mover_groups(halves, motions, points, np.append(halves.owners, 1)).tolist() == [0, 0]
