@@ -57,6 +57,8 @@ class RangeView:
 
         Hardly anything returns from their elevation, all around, but much from above and below.
         """
+        if not self._between.any():
+            return np.zeros(len(positions), np.bool_)
         cells, _ = _directions(np.ascontiguousarray(positions))
         return self._between[cells // NUM_AZIMUTHS]
 
