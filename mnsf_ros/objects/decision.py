@@ -89,9 +89,9 @@ def free_space(
     """Returns (K,) how many more points are in free space of another sweep if objects stand.
 
     These are the points of an object that are there if it stands, less those if it moves, and the
-    points that older sweeps had of it, if it moves, and that are gone. A place that was seen
-    through is evidence of motion. One that was hidden, or beside the beams, is none: there a static
-    object leaves a residual, too.
+    points that older sweeps had of it, if it moves, and that are gone: beside a part, none of its
+    whole. A place that was seen through is evidence of motion. One that was hidden, or beside the
+    beams, is none: there a static object leaves a residual, too.
 
     Args:
         objects: K objects.
@@ -99,7 +99,6 @@ def free_space(
         motions: (K, 3) metres, to the next sweep.
     """
     current = targets.near[0].current
-    # What is gone beside a part is no evidence for the whole.
     rows = objects.rows_of(current.num_objects)[current.thinned_objects]
     points, owners = chosen_points(current.thinned, rows >= 0), rows[rows >= 0]
     free = np.zeros(len(objects))

@@ -40,7 +40,7 @@ class ObjectPoints:
     @classmethod
     def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> "ObjectPoints":
         """Chooses points of each object that is neither too small nor too large to move."""
-        points, objects = sweep.members()
+        points, objects = sweep.members
         numbers, chosen, owners = _chosen(
             points, objects, sweep.may_move, settings.min_points, settings.points_per_object
         )
@@ -57,7 +57,7 @@ class ObjectPoints:
 
     def all_points(self, sweep: ObjectSweep) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these."""
-        points, objects = sweep.members()
+        points, objects = sweep.members
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A prepared sweep: its objects above the ground, and a grid of its points."""
 
+from collections.abc import Callable
 from copy import copy
 from functools import cached_property
 from typing import Final
@@ -37,7 +38,6 @@ class ObjectSweep:
         clock: When which direction was measured; None if not known.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
-        num_objects: Number of objects; number 0 is none.
         grid: The thinned points in cells.
         wholes: (all objects,) int, what each was cut out of, see `with_parts`; else itself.
     """
@@ -67,11 +67,10 @@ class ObjectSweep:
             )
         segmentation = Segmentation(points, settings.objects.cell_size_m)
         self._point_objects = segmentation.objects_of(points)
-        self.num_objects = segmentation.num_objects
         self.thinned = _thinned(points, settings)
         self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
-        self.wholes: NDArray[np.int64] = np.arange(self.num_objects)
+        self.wholes: NDArray[np.int64] = np.arange(segmentation.num_objects)
         self._max_size_m = settings.objects.max_size_m
 
     @cached_property
@@ -80,14 +79,31 @@ class ObjectSweep:
         return RangeView(self.xyz)
 
     @property
+    def num_objects(self) -> int:
+        """Number of objects; number 0 is none."""
+        return len(self.wholes)
+
+    @cached_property
+    def members(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """(M, 3) metres, the thinned points of each object, and (M,) the objects.
+
+        Those of a part are points of its whole, too.
+        """
+        labels = self.thinned_objects
+        wholes = self.wholes[labels]
+        of_parts = np.flatnonzero(wholes != labels)
+        points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
+        return points, np.append(wholes, labels[of_parts])
+
+    @property
     def counts(self) -> NDArray[np.int64]:
         """(all objects,) how many thinned points each has."""
-        return np.bincount(self.members()[1], minlength=self.num_objects)
+        return np.bincount(self.members[1], minlength=self.num_objects)
 
     @property
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
-        return sizes_of(*self.members(), self.num_objects)
+        return sizes_of(*self.members, self.num_objects)
 
     @cached_property
     def may_move(self) -> NDArray[np.bool_]:
@@ -100,9 +116,8 @@ class ObjectSweep:
         Args:
             rows: (P,) the points; touching ones of one object are a part of it.
         """
-        other = copy(self)
         if len(rows) == 0:
-            return other
+            return self
         chosen = np.take(self.thinned, rows, axis=0)
         parts = Segmentation(chosen, TOUCH_M)
         is_split = np.zeros(self.num_objects, np.bool_)
@@ -112,40 +127,34 @@ class ObjectSweep:
             return parts.objects_of(points) * self.num_objects + objects
 
         keys = np.unique(keys_of(chosen, self.thinned_objects[rows]))
-        num_parts = len(keys)
 
         def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
             own = np.flatnonzero(is_split[objects])
             wanted, changed = keys_of(np.take(points, own, axis=0), objects[own]), objects.copy()
-            places = np.minimum(np.searchsorted(keys, wanted), num_parts - 1)
+            places = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
             is_part = keys[places] == wanted
             changed[own[is_part]] = places[is_part] + self.num_objects
             return changed
 
-        other.__dict__.pop("may_move", None)
-        other.num_objects = self.num_objects + num_parts
-        other.wholes = np.append(self.wholes, keys % self.num_objects)
-        other.thinned_objects = apart(self.thinned, self.thinned_objects)
-        other._point_objects = apart(self._points, self._point_objects)
-        return other
-
-    def members(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """(M, 3) metres, the thinned points of each object, and (M,) the objects.
-
-        Those of a part are points of its whole, too.
-        """
-        labels = self.thinned_objects
-        wholes = self.wholes[labels]
-        of_parts = np.flatnonzero(wholes != labels)
-        points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
-        return points, np.append(wholes, labels[of_parts])
+        return self._relabelled(apart, np.append(self.wholes, keys % self.num_objects))
 
     def without_parts_of(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
         """Returns the same sweep with the objects of these numbers whole again."""
-        other = copy(self)
         after = np.where(np.isin(self.wholes, numbers), self.wholes, np.arange(self.num_objects))
-        other.thinned_objects = after[self.thinned_objects]
-        other._point_objects = after[self._point_objects]
+        return self._relabelled(lambda _, objects: after[objects], self.wholes)
+
+    def _relabelled(
+        self,
+        relabel: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.int64]],
+        wholes: NDArray[np.int64],
+    ) -> "ObjectSweep":
+        """Returns the same sweep with other objects, made of points (N, 3) and their old ones."""
+        other = copy(self)
+        for derived in ("members", "may_move"):
+            other.__dict__.pop(derived, None)
+        other.wholes = wholes
+        other.thinned_objects = relabel(self.thinned, self.thinned_objects)
+        other._point_objects = relabel(self._points, self._point_objects)
         return other
 
     def objects(self) -> NDArray[np.int64]:
