@@ -149,11 +149,13 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     moves, doubtful = decision.is_moving, decision.doubtful
-    movers, scores = decision.fitted.objects.only(moves), decision.scores[moves]
+    scores = decision.scores[moves]
     features = moving_features(decision.moving.only(moves), scores, decision.held[moves])
-    yield "moving", of_objects(movers, features)
+    yield "moving", of_objects(decision.movers, features)
     yield "doubtful", of_objects(doubtful.objects, doubtful_features(doubtful))
-    are_suspects = decision.suspects.objects.rows_of(scene.current.num_objects)[owners] >= 0
+    are_suspects = (
+        decision.proposals.suspects.objects.rows_of(scene.current.num_objects)[owners] >= 0
+    )
     standing = np.flatnonzero(~are_suspects & ~estimate.over_ground.dynamic[rows])
     standing = standing[:: max(1, len(standing) // _MAX_STANDING)]
     features = standing_features(truth.sweep.xyz[rows[standing]])

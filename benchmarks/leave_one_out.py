@@ -21,7 +21,7 @@ from frame import Table, make_parser, publish
 from movers import CACHE, DURATION_S, in_processes
 from world_scores import world_score
 
-from mnsf_ros.objects import decision, motions, object_flow, scene, target
+from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
 from mnsf_ros.objects.encoded_field import whole
 from mnsf_ros.sweeps.ground_surface import GroundSurface
 from mnsf_ros.sweeps.range_view import RangeView
@@ -58,7 +58,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "between the beams": (RangeView, "are_between", lambda _, xyz: np.zeros(len(xyz), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "splitting": (scene, "split", lambda current, _: current),
-    "attachments": (scene, "attached", lambda *_: _NONE),
+    "attachments": (over_ground, "attached", lambda *_: _NONE),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),
     "what moves goes on as it did": (motions, "_SURPRISE", np.inf),

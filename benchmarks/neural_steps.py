@@ -22,7 +22,7 @@ from frame import Table, make_parser, publish
 from mnsf_ros.evaluation.metrics import by_motion
 from mnsf_ros.methods import make_method, neural_estimator
 from mnsf_ros.objects import encoded_field
-from mnsf_ros.objects.prepared_sweeps import ReadySweeps
+from mnsf_ros.objects.scene import ReadySweeps
 from mnsf_ros.presets import preset
 
 _STREET_SEED: Final = 3

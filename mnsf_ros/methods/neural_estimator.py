@@ -19,8 +19,8 @@ from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.encoded_field import EncodedPoints, Heads, whole
 from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.objects.proposals import Suspects
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 
 # How much residual makes a flow e times less likely.

@@ -10,7 +10,7 @@ from scipy.special import expit
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_points import NOISE_M
-from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.proposals import Suspects
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.

@@ -2,16 +2,18 @@
 """Which objects move: all evidence in one number, and its limits."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.point_sets import chosen_points
-from mnsf_ros.objects.motions import JudgedMotions, are_same
+from mnsf_ros.objects.motions import JudgedMotions, are_same, held_m, judge
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.objects.proposals import Proposals, Suspects
+from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
@@ -26,56 +28,101 @@ _TENTATIVE: Final = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Each step leaves fewer objects: suspects, those searched, those fitted, those that move.
+    """Which of the F objects that were fitted move.
 
     Attributes:
-        suspects: Objects that other sweeps do not support as static, and those with a track.
-        searched: The K of them whose motion was searched: seen to move, then the nearest ones.
-        start: (K, 3) metres to the next sweep, where the fits of their motions started.
-        fitted: The F of these that a motion may explain better.
+        proposals: What may move.
         moving: The motions that were found.
         free: (F,) see `free_space`.
         evidence: (F, E) features for and against their motions.
         scores: (F,) logarithm of the odds that they move.
-        is_moving: (F,) whether they are said to move.
         may_move: (F,) whether they are followed.
         held: (F,) metres, how well the motions of these are held, see `held_m`; 0 of others.
         seen: Those that are followed, together what moves together.
     """
 
-    suspects: Suspects
-    searched: Suspects
-    start: NDArray[np.float32]
-    fitted: Suspects
+    proposals: Proposals
     moving: JudgedMotions
     free: NDArray[np.float64]
     evidence: NDArray[np.float64]
     scores: NDArray[np.float64]
-    is_moving: NDArray[np.bool_]
     may_move: NDArray[np.bool_]
     held: NDArray[np.float64]
     seen: Sightings
 
-    @property
-    def num_left_out(self) -> int:
-        """How many suspects were beyond the limits of the work."""
-        return len(self.suspects) - len(self.searched)
+    @classmethod
+    def of(
+        cls, proposals: Proposals, moving: JudgedMotions, scene: Scene, settings: ObjectSettings
+    ) -> "Decision":
+        """Weighs the evidence.
+
+        Args:
+            proposals: What may move.
+            moving: The motions of the F that were fitted.
+            scene: The sweeps.
+            settings: Settings of the objects.
+        """
+        fitted, targets, current = proposals.fitted, scene.targets, scene.current
+        objects, interval_s = fitted.objects, scene.usual_interval_s
+        wholes = current.wholes[objects.numbers]
+        standing = judge(objects, targets, np.zeros_like(moving.motions))
+        free = free_space(objects, targets, moving.motions)
+        features = evidence(fitted, standing, moving, free, wholes != objects.numbers)
+        scores = moving_scores(features)
+        may_move, is_moving = moves(
+            objects.numbers, wholes, moving.motions, scores, interval_s, settings
+        )
+        followed = objects.only(may_move)
+        held = np.zeros(len(objects))
+        held[may_move] = held_m(followed, moving.only(may_move), targets)
+        seen = Sightings.of(
+            followed,
+            moving.motions[may_move],
+            scores[may_move],
+            is_moving[may_move],
+            held[may_move],
+            followed.all_points(current),
+            current.pose.world_from_sensor,
+            interval_s,
+        )
+        return cls(proposals, moving, free, features, scores, may_move, held, seen)
 
     @property
+    def fitted(self) -> Suspects:
+        """The F objects."""
+        return self.proposals.fitted
+
+    @cached_property
     def are_movers(self) -> NDArray[np.bool_]:
-        """(those that are followed,) whether they are said to move."""
-        return self.is_moving[self.may_move]
+        """(those that are followed,) whether they are said to move.
+
+        What goes along with a mover is a part of it.
+        """
+        return self.seen.are_moving[self.seen.groups]
+
+    @cached_property
+    def is_moving(self) -> NDArray[np.bool_]:
+        """(F,) whether they are said to move."""
+        is_moving = np.zeros(len(self.may_move), np.bool_)
+        is_moving[self.may_move] = self.are_movers
+        return is_moving
+
+    @cached_property
+    def movers(self) -> ObjectPoints:
+        """The M objects that move."""
+        return self.fitted.objects.only(self.is_moving)
 
     @property
     def groups(self) -> NDArray[np.int64]:
-        """(M,) the number from 0 of the thing that each of the M movers is a part of."""
+        """(M,) the number from 0 of the thing that each of the movers is a part of."""
         of_movers = self.seen.groups[self.are_movers]
         return np.unique(of_movers, return_inverse=True)[1]
 
-    @property
+    @cached_property
     def doubtful(self) -> Suspects:
         """Suspects that are not called dynamic, with those beyond the limits of the work."""
-        return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
+        suspects = self.proposals.suspects
+        return suspects.only(~np.isin(suspects.rows, self.fitted.rows[self.is_moving]))
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,24 +10,14 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.objects.decision import Decision, evidence, free_space, moves, moving_scores
+from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.encoded_field import Heads, turning, turns_of
-from mnsf_ros.objects.first_guesses import first_guesses
-from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
-from mnsf_ros.objects.motions import (
-    JudgedMotions,
-    best_of,
-    fit_motion_field,
-    fuse_motions,
-    held_m,
-    judge,
-)
-from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
+from mnsf_ros.objects.motion_memory import MotionMemory
+from mnsf_ros.objects.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
+from mnsf_ros.objects.over_ground import flow_of, spread
+from mnsf_ros.objects.proposals import Proposals, Suspects
 from mnsf_ros.objects.reasons import Reasons
-from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -104,77 +94,28 @@ class ObjectFlowEstimator:
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
-        decision = self._decided(scene, clock)
-        movers = decision.fitted.objects.numbers[decision.is_moving]
-        scene = replace(scene, current=scene.current.without_parts_of(movers))
+        proposals = Proposals.of(scene, self.settings.objects, clock)
+        starts = proposals.start[proposals.are_worth]
+        moving = self.moved(proposals.fitted, scene, starts, clock)
+        with clock.stage("gate"):
+            decision = Decision.of(proposals, moving, scene, self.settings.objects)
+            current = scene.current.without_parts_of(decision.movers.numbers)
+            scene = replace(scene, current=current)
         with clock.stage("turns"):
             heads = self.heads(scene, decision)
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, decision, heads)
         with clock.stage("output"):
-            over_ground = scene.over_ground(decision, heads, tracks, ids)
-            flow = scene.flow(over_ground)
+            over_ground = spread(scene, decision, heads, tracks, ids)
+            flow = flow_of(scene.current, over_ground)
         return FlowEstimate(
             flow=flow,
             kept=scene.current.kept,
             times_ms=clock.times_ms,
             start=scene.start,
             over_ground=over_ground,
-            num_left_out=decision.num_left_out,
+            num_left_out=proposals.num_left_out,
             reason_of=Reasons(scene, self.settings.objects, decision),
-        )
-
-    def _decided(self, scene: Scene, clock: StageClock) -> Decision:
-        """Which objects move, and how."""
-        targets, settings = scene.targets, self.settings.objects
-        with clock.stage("objects"):
-            objects = ObjectPoints.of(scene.current, settings)
-            pose = scene.current.pose.world_from_sensor
-            expected = Expectation.of(objects, scene.tracks, pose, scene.interval_s)
-            suspects = Suspects.among(objects, targets, expected)
-            searched = suspects.only(suspects.are_first(settings.max_suspects))
-        with clock.stage("first guess"):
-            start, is_worth = first_guesses(searched, targets, scene.usual_interval_s, settings)
-            fitted = searched.only(is_worth)
-        moving = self.moved(fitted, scene, start[is_worth], clock)
-        with clock.stage("gate"):
-            standing = judge(fitted.objects, targets, np.zeros_like(moving.motions))
-            free = free_space(fitted.objects, targets, moving.motions)
-            numbers, interval_s = fitted.objects.numbers, scene.usual_interval_s
-            wholes = scene.current.wholes[numbers]
-            features = evidence(fitted, standing, moving, free, wholes != numbers)
-            scores = moving_scores(features)
-            may_move, is_moving = moves(
-                numbers, wholes, moving.motions, scores, interval_s, settings
-            )
-            followed = fitted.objects.only(may_move)
-            held = np.zeros(len(may_move))
-            held[may_move] = held_m(followed, moving.only(may_move), targets)
-            seen = Sightings.of(
-                followed,
-                moving.motions[may_move],
-                scores[may_move],
-                is_moving[may_move],
-                held[may_move],
-                followed.all_points(scene.current),
-                pose,
-                interval_s,
-            )
-            # What goes along with a mover is a part of it.
-            is_moving[may_move] = seen.are_moving[seen.groups]
-        return Decision(
-            suspects,
-            searched,
-            start,
-            fitted,
-            moving,
-            free,
-            features,
-            scores,
-            is_moving,
-            may_move,
-            held,
-            seen,
         )
 
     def _followed(
@@ -217,7 +158,7 @@ class ObjectFlowEstimator:
 
     def heads(self, scene: Scene, decision: Decision) -> Heads:
         """How the movers move and turn."""
-        movers, seen = decision.fitted.objects.only(decision.is_moving), decision.seen
+        movers, seen = decision.movers, decision.seen
         motions, groups = seen.motions[seen.are_moving], decision.groups
         expected = decision.fitted.expected.only(decision.is_moving).turn_rates
         turns = np.zeros(len(motions))

@@ -45,10 +45,10 @@ class Reasons:
             return Reason(Verdict.NO_OBJECT)
         num_points = int(current.counts[number])
         fitted = self._row(self.decision.fitted.objects, number)
-        searched = self._row(self.decision.searched.objects, number)
+        searched = self._row(self.decision.proposals.searched.objects, number)
         motion, start, evidence = None, None, {}
         if searched is not None:
-            start = self.decision.start[searched].astype(np.float64)
+            start = self.decision.proposals.start[searched].astype(np.float64)
         if fitted is not None:
             motion = self.decision.moving.motions[fitted]
             score = self.decision.scores[fitted]
@@ -70,14 +70,14 @@ class Reasons:
         if fitted is not None:
             if self.decision.is_moving[fitted]:
                 return Verdict.DYNAMIC
-            movers = self.decision.fitted.objects.numbers[self.decision.is_moving]
+            movers = self.decision.movers.numbers
             stands_beside = number in self.scene.current.wholes[movers]
             return Verdict.PARTLY if stands_beside else Verdict.REFUSED
-        if number in self.decision.searched.objects.numbers:
+        if number in self.decision.proposals.searched.objects.numbers:
             return Verdict.NO_BETTER_MOTION
         if num_points < self.settings.min_points:
             return Verdict.TOO_FEW_POINTS
-        if number in self.decision.suspects.objects.numbers:
+        if number in self.decision.proposals.suspects.objects.numbers:
             return Verdict.LEFT_OUT
         may_move = self.scene.current.may_move[number]
         return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE

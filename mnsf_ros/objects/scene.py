@@ -1,29 +1,150 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The three sweeps of one estimate, seen from the middle one."""
+"""The last sweeps, each prepared once, and how those of one estimate are seen from its middle."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import OverGround
-from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.attachments import attached
-from mnsf_ros.objects.confidence import doubtful_confidence, moving_confidence, standing_confidence
-from mnsf_ros.objects.decision import Decision
-from mnsf_ros.objects.encoded_field import Heads, encoded, headed
+from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.objects.motion_memory import MotionMemory
-from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.prepared_sweeps import ReadySweeps
-from mnsf_ros.objects.splitting import split
-from mnsf_ros.objects.target import Targets
-from mnsf_ros.objects.tracked_objects import tracked_objects
+from mnsf_ros.objects.target import Target, Targets
 from mnsf_ros.objects.tracks import Track
-from mnsf_ros.settings import ObjectSettings
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, SweepTriplet
+from mnsf_ros.settings import ObjectSettings, Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Stretch, Sweep, SweepTriplet
+
+# How far back an object is looked for: three and six sweeps at 10 Hz. Before the first a car has
+# not turned by much, before the second a slow pedestrian has moved by more than the noise.
+_PAST_S: Final = (0.3, 0.6)
+_MAX_SWEEPS: Final = 12
+
+
+@dataclass(frozen=True, eq=False)
+class ReadySweeps:
+    """The sweeps of one triplet and those before it, all in one world. Never changed.
+
+    Attributes:
+        last: Oldest first; the last one is the triplet's next sweep.
+        of_triplet: The previous sweep, if there is one, the current and the next one.
+        time_ms: Run time of those that were not ready yet.
+    """
+
+    last: tuple[ObjectSweep, ...]
+    of_triplet: tuple[ObjectSweep, ...]
+    time_ms: float
+
+    def near(self, interval_ratio: float) -> list[Target]:
+        """Neighbouring sweeps to test motions on: the next one, and the previous one if known.
+
+        Args:
+            interval_ratio: As of the triplet.
+        """
+        *before, current, next_ = self.of_triplet
+        near = [Target.of(next_, current, 1.0)]
+        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
+            # Otherwise the current sweep cannot be related to the previous one.
+            near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in before]
+        return near
+
+    def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
+        """Available older sweeps to test motions on, the youngest first.
+
+        Args:
+            current: The current sweep.
+            interval_s: Time to the next sweep.
+        """
+        if interval_s <= 0:
+            return []
+        ages: dict[ObjectSweep, float] = {}
+        for sweep in reversed(self.last):
+            age = (current.sweep.stamp_ns - sweep.sweep.stamp_ns) / NANOSECONDS
+            if age > 0:
+                ages[sweep] = age
+            if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
+                # Its pose relative to the earlier sweeps is not known.
+                break
+        found: list[ObjectSweep] = []
+        for past_s in _PAST_S:
+            near = {
+                abs(age - past_s): sweep
+                for sweep, age in ages.items()
+                if abs(age - past_s) < _PAST_S[0] / 2 and age > 1.5 * interval_s
+            }
+            found += [near[min(near)]] if near else []
+        return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]
+
+
+class PreparedSweeps:
+    """Finds the poses of sweeps and makes them ready. For one thread at a time."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._poses = SensorPoses(settings.ego_motion)
+        self._stretch: Stretch | None = None
+        self._sweeps: dict[Sweep, ObjectSweep] = {}
+
+    def with_settings(self, settings: Settings) -> "PreparedSweeps":
+        """Returns the same for other settings, with all that still holds.
+
+        The world and the poses in it depend on `ego_motion` only, the rest on all settings
+        `of_preparation`. Of the old and the new one, only one prepares a sweep.
+        """
+        other = PreparedSweeps(settings)
+        if settings.ego_motion == self._settings.ego_motion:
+            other._poses = self._poses
+            if self.are_same_for(settings):
+                other._stretch, other._sweeps = self._stretch, self._sweeps
+        return other
+
+    def are_same_for(self, settings: Settings) -> bool:
+        """Whether other settings prepare sweeps in the same way."""
+        return settings.of_preparation == self._settings.of_preparation
+
+    def ready(self, triplet: SweepTriplet) -> ReadySweeps:
+        """Makes the sweeps of a triplet ready, those that are not yet.
+
+        Raises:
+            SweepError: If too few points of one are left.
+        """
+        start_s = time.perf_counter()
+        if triplet.stretch is not self._stretch:
+            self._stretch = triplet.stretch
+            self._sweeps.clear()
+        sweeps = (*triplet.before[:1], triplet.current, triplet.next)
+        # All poses first: how the sensor moved in the first sweep is known from the second one.
+        for sweep, pose in self._poses.of(sweeps, triplet.stretch).items():
+            if sweep not in self._sweeps:
+                self._add(sweep, pose)
+        of_triplet = tuple(self._sweeps[sweep] for sweep in sweeps)
+        time_ms = (time.perf_counter() - start_s) * 1e3
+        return ReadySweeps(tuple(self._sweeps.values()), of_triplet, time_ms)
+
+    def _add(self, sweep: Sweep, pose: SensorPose) -> None:
+        if pose.source is EgoSource.START:
+            pose = replace(pose, motion=self._poses.motion_in(sweep))
+        # Here, not after a whole triplet: there may never be one if every third sweep is refused.
+        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        while len(self._sweeps) > _MAX_SWEEPS:
+            del self._sweeps[next(iter(self._sweeps))]
+
+
+def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
+    """Returns the sweep with what came lately as parts of what it touches.
+
+    A point came lately if another sweep saw through its place and nothing was near: that of a
+    pedestrian in a row of parked cars, or of the front of a bus. Which of both tells `moves`.
+
+    Args:
+        current: The sweep.
+        targets: Sweeps before it.
+    """
+    has_come = np.zeros(len(current.thinned), dtype=bool)
+    for target in targets:
+        has_come |= target.are_new(current.thinned)
+    return current.with_parts(np.flatnonzero(has_come & (current.thinned_objects > 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,89 +190,3 @@ class Scene:
     def usual_interval_s(self) -> float:
         """The time to the next sweep in seconds, or its usual value if that is not known."""
         return self.interval_s or USUAL_INTERVAL_S
-
-    def over_ground(
-        self,
-        decision: Decision,
-        heads: Heads,
-        tracks: Sequence[Track],
-        ids: NDArray[np.int64],
-    ) -> OverGround:
-        """Spreads the motions of objects over all points of the current sweep.
-
-        Args:
-            decision: Which objects move.
-            heads: (K, 3, 3) how those K move and turn.
-            tracks: What is followed.
-            ids: (K,) the numbers of their tracks.
-        """
-        is_moving, doubtful = decision.is_moving, decision.doubtful
-        movers, moving = decision.fitted.objects.only(is_moving), decision.moving.only(is_moving)
-        current = self.current
-        owners = current.objects()
-        rows = movers.rows_of(current.num_objects)[owners]
-        are_loose = self._are_loose(doubtful.objects, movers)
-        beside, their_rows = attached(current, owners, movers, are_loose)
-        rows[beside] = their_rows
-        if current.clock is not None:
-            velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
-            again, their_rows = current.clock.owners_again(
-                current.xyz, movers.positions, velocities, movers.owners
-            )
-            is_free = rows[again] < 0
-            rows[again[is_free]] = their_rows[is_free]
-        confidence = standing_confidence(current.xyz)
-        doubts = np.full(current.num_objects, np.nan, np.float32)
-        doubts[doubtful.objects.numbers] = doubtful_confidence(doubtful)
-        in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
-        confidence[in_doubt] = doubts[owners[in_doubt]]
-        motion = np.zeros((len(rows), 3), np.float32)
-        track_ids = np.zeros(len(rows), np.int32)
-        is_dynamic = rows >= 0
-        own = np.flatnonzero(is_dynamic)
-        rows = rows[own]
-        offsets = np.take(current.xyz, own, axis=0) - movers.centers[rows]
-        motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
-        scores, held = decision.scores[is_moving], decision.held[is_moving]
-        confidence[own] = moving_confidence(moving, scores, held)[rows]
-        pose = self.targets.near[0].sweep.pose
-        if pose.source is EgoSource.CONSTANT_VELOCITY:
-            # Without the ego motion, no flow is known.
-            confidence[:] = 0
-        return OverGround(
-            motion=motion,
-            dynamic=is_dynamic,
-            confidence=confidence,
-            world_from_sensor=current.pose.world_from_stamp,
-            next_from_current=self.targets.near[0].from_current,
-            source=pose.source.value,
-            pose_covariance=current.pose.covariance,
-            motion_covariance=pose.step_covariance,
-            objects=tracked_objects(tracks, current, track_ids),
-            track_ids=track_ids,
-        )
-
-    def _are_loose(self, doubtful: ObjectPoints, movers: ObjectPoints) -> NDArray[np.bool_]:
-        """Returns the mask (all objects,) of those that are doubtful or too small to be fitted.
-
-        A whole that stands while a part of it moves is neither.
-        """
-        wholes = self.current.wholes
-        are_loose = (self.current.counts < self.min_points)[wholes]
-        are_loose[doubtful.numbers] = True
-        are_loose[wholes[movers.numbers]] = False
-        are_loose[0] = False
-        return are_loose
-
-    def flow(self, over_ground: OverGround) -> NDArray[np.float32]:
-        """(N, 3) metres, the flow of all points: motion over ground, then that of the sensor."""
-        sweep, pose = self.current.sweep, self.current.pose
-        xyz, motion = sweep.xyz, over_ground.next_from_current
-        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-        flow = transformed(xyz, motion - np.diag((1.0, 1.0, 1.0, 0.0)))
-        moving = np.flatnonzero(over_ground.dynamic)
-        over_ground_motion = over_ground.motion[moving]
-        if pose.motion is not None and sweep.times_s is not None:
-            over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
-        flow[moving] += turned(over_ground_motion, motion[:3, :3])
-        return flow

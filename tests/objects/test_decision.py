@@ -10,7 +10,7 @@ from small_scenes import objects_of, prepared, rows, surface, target
 from mnsf_ros.objects.decision import evidence, free_space, moves, moving_scores
 from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.motions import best_of, judge
-from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.proposals import Suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import Settings
 

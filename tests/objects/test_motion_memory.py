@@ -10,7 +10,7 @@ from small_scenes import rows
 
 from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
+from mnsf_ros.objects.scene import PreparedSweeps
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet

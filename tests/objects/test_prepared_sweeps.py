@@ -10,7 +10,7 @@ from box_street import BoxStreet, pose, stamp_ns, unrelated_sweep
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import SweepError
-from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
+from mnsf_ros.objects.scene import PreparedSweeps
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Stretch, Sweep, SweepTriplet
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""First guesses: motions that may explain an object, where the fits of its motion start."""
+"""Voting: the shift of an object that most of its points agree on."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,50 +11,18 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
-from mnsf_ros.objects.motions import CLEARLY_SHARE, best_of, fit_motion_field
+from mnsf_ros.objects.motions import fit_motion_field
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.target import Target, Targets
-from mnsf_ros.settings import ObjectSettings
+from mnsf_ros.objects.target import Target
 
-# In older sweeps, motions that differ from the best in the neighbouring ones by less are tried: the
-# work grows with the square.
-_MAX_CHANGE_M_S: Final = 12.0
-
-
-def first_guesses(
-    suspects: Suspects, targets: Targets, interval_s: float, settings: ObjectSettings
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
-
-    The shift with most votes of the neighbouring sweeps and what a track expects are compared, then
-    that of the older sweeps around the best of them: for slow objects, and for long ones whose
-    sides look alike.
-
-    Args:
-        suspects: K objects.
-        targets: The other sweeps.
-        interval_s: Time to the next sweep.
-        settings: Settings of the objects.
-    """
-    if len(suspects) == 0:
-        return suspects.standing.motions, np.zeros(0, dtype=bool)
-    expected = suspects.expected
-    some, best = suspects.objects.thinner(), suspects.standing
-    num_iterations, reach_m = settings.max_iterations, settings.max_speed_m_s * interval_s
-    voted = _voted(some, targets.near, reach_m, best.motions, num_iterations)
-    best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
-    if targets.past:
-        voted = _voted(
-            some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
-        )
-        best = best_of(some, targets, best, [voted], expected.surprise)
-    explains = best.total < CLEARLY_SHARE * suspects.standing.total
-    is_worth = expected.is_known | explains | (not targets.past)
-    return best.motions, is_worth
+_CELL_M: Final = 0.4
+# The work does not grow with the square of the interval: a sensor that is slow has larger cells.
+_MAX_CELLS_OF_MARGIN: Final = 64
+# Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
+_NUM_LEVELS: Final = 16
 
 
-def _voted(
+def voted_motions(
     objects: ObjectPoints,
     targets: Sequence[Target],
     max_change_m: float,
@@ -143,13 +111,6 @@ def _shifts(radius: int) -> NDArray[np.int64]:
     order = np.argsort(length, kind="stable")
     order = order[length[order] <= radius * radius]
     return np.stack([x[order], y[order]], axis=1)
-
-
-_CELL_M: Final = 0.4
-# The work does not grow with the square of the interval: a sensor that is slow has larger cells.
-_MAX_CELLS_OF_MARGIN: Final = 64
-# Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
-_NUM_LEVELS: Final = 16
 
 
 class VotingGrid:
