@@ -190,6 +190,9 @@ class ObjectSettings:
     max_size_m: float = declared(
         24.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(12, 40)
     )
+    max_height_m: float = declared(
+        4.5, "Higher points above the ground are of none (ceilings, crowns of trees)", 0.5, 100
+    )
     points_per_object: int = declared(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
     )
@@ -466,8 +469,8 @@ class Settings:
     def of_preparation(self) -> tuple[object, ...]:
         """Values of the settings that live methods prepare each sweep with."""
         item = self.objects
-        of_objects = (item.cell_size_m, item.thinning_m, item.max_points, item.max_size_m)
-        return (self.ego_motion, self.crop, self.ground, *of_objects)
+        sizes = (item.cell_size_m, item.thinning_m, item.max_size_m, item.max_height_m)
+        return (self.ego_motion, self.crop, self.ground, item.max_points, *sizes)
 
     def changed(self, values: Mapping[str, object]) -> "Settings":
         """Returns these settings with the values of some full names (`crop.max_range_m`) replaced.

@@ -32,9 +32,10 @@ class ObjectSweep:
         sweep: The sweep as it came.
         pose: Where it was taken.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
-        kept: (N,) bool, the points inside the crop that are not ground.
+        kept: (N,) bool, the points with a height that are not ground.
         ground: The ground under it.
-        heights: (N,) float32, metres, how far its points are above ground; NaN outside the crop.
+        heights: (N,) float32, metres, how far its points are above ground; NaN outside the crop,
+            and where that is higher than what moves.
         clock: When which direction was measured; None if not known.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
@@ -53,6 +54,8 @@ class ObjectSweep:
         self.xyz = pose.in_one_moment(sweep)
         self.ground, self.heights = ground_under(self.xyz, settings)
         lowest_m = settings.ground.margin_m if settings.ground.remove else -np.inf
+        # What is under a ceiling or a tree would be one with it, as seen from above.
+        self.heights[self.heights > settings.objects.max_height_m] = np.nan
         self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
@@ -110,11 +113,27 @@ class ObjectSweep:
         """(all objects,) those that are not too long to move."""
         return np.asarray(self.sizes < self._max_size_m)
 
+    def relatives(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Returns (K,) where in numbers (K,) the whole of each part is.
+
+        Of a whole it is the largest of its parts; of what has none, and where none is there, it is
+        itself.
+        """
+        rows = np.full(self.num_objects, -1)
+        rows[numbers] = relatives = np.arange(len(numbers))
+        wholes = self.wholes[numbers]
+        parts = np.flatnonzero((wholes != numbers) & (rows[wholes] >= 0))
+        parts = parts[np.argsort(self.counts[numbers[parts]], kind="stable")]
+        relatives[parts] = rows[wholes[parts]]
+        relatives[rows[wholes[parts]]] = parts
+        return relatives
+
     def with_parts(self, rows: NDArray[np.int64]) -> "ObjectSweep":
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
-            rows: (P,) the points; touching ones of one object are a part of it.
+            rows: (P,) the points; touching ones of one object are a part of it, if it is no more
+                than half of it: else the object is what these are.
         """
         if len(rows) == 0:
             return self
@@ -131,16 +150,20 @@ class ObjectSweep:
         def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
             own = np.flatnonzero(is_split[objects])
             wanted, changed = keys_of(np.take(points, own, axis=0), objects[own]), objects.copy()
-            places = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-            is_part = keys[places] == wanted
+            places = np.searchsorted(keys, wanted)
+            is_part = np.append(keys, -1)[places] == wanted
             changed[own[is_part]] = places[is_part] + self.num_objects
             return changed
 
+        labels = apart(self.thinned, self.thinned_objects)
+        counts = np.bincount(labels, minlength=self.num_objects + len(keys))[self.num_objects :]
+        keys = keys[2 * counts <= self.counts[keys % self.num_objects]]
         return self._relabelled(apart, np.append(self.wholes, keys % self.num_objects))
 
-    def without_parts_of(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
-        """Returns the same sweep with the objects of these numbers whole again."""
-        after = np.where(np.isin(self.wholes, numbers), self.wholes, np.arange(self.num_objects))
+    def with_only_parts(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
+        """Returns the same sweep, with all parts but these numbers in their wholes again."""
+        every = np.arange(self.num_objects)
+        after = np.where(np.isin(every, numbers), every, self.wholes)
         return self._relabelled(lambda _, objects: after[objects], self.wholes)
 
     def _relabelled(

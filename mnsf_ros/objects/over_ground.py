@@ -122,10 +122,9 @@ def _are_loose(scene: Scene, doubtful: ObjectPoints, movers: ObjectPoints) -> ND
 
     A whole that stands while a part of it moves is neither.
     """
-    wholes = scene.current.wholes
-    are_loose = (scene.current.counts < scene.min_points)[wholes]
+    are_loose = scene.current.counts < scene.min_points
     are_loose[doubtful.numbers] = True
-    are_loose[wholes[movers.numbers]] = False
+    are_loose[scene.current.wholes[movers.numbers]] = False
     are_loose[0] = False
     return are_loose
 

@@ -131,7 +131,8 @@ def first_guesses(
 
     The shift with most votes of the neighbouring sweeps and what a track expects are compared, then
     that of the older sweeps around the best of them: for slow objects, and for long ones whose
-    sides look alike.
+    sides look alike. At last wholes try the motions of their parts, and parts those of their
+    wholes: where the front of a bus goes tells more than its side.
 
     Args:
         suspects: K objects.
@@ -151,6 +152,8 @@ def first_guesses(
             some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
         )
         best = best_of(some, targets, best, [voted], expected.surprise)
+    relatives = targets.near[0].current.relatives(suspects.objects.numbers)
+    best = best_of(some, targets, best, [best.motions[relatives]], expected.surprise)
     explains = best.total < CLEARLY_SHARE * suspects.standing.total
     is_worth = expected.is_known | explains | (not targets.past)
     return best.motions, is_worth

@@ -36,7 +36,10 @@ class RangeView:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
         self._nearest_around = _nearest_around(self._nearest)
-        self._between = _between(np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1))
+        is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
+        self._between = _between(is_seen)
+        # Beside its view a sensor sees no farther than itself.
+        self._farthest = np.where(_view(is_seen).ravel(), self._nearest, -np.float32(np.inf))
 
     def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
@@ -48,9 +51,13 @@ class RangeView:
         return np.isfinite(around) & (around > ranges + _margins(ranges))
 
     def are_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
+        """Returns (P,) which places (P, 3), metres, sensor frame, nobody can have seen.
+
+        They are behind a surface, or beside the view: from their azimuth nothing returns, or from
+        no elevation as low, or as high.
+        """
         cells, ranges = _directions(np.ascontiguousarray(positions))
-        return self._nearest[cells] + _margins(ranges) < ranges
+        return self._farthest[cells] + _margins(ranges) < ranges
 
     def are_between(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are between the beams.
@@ -61,6 +68,16 @@ class RangeView:
             return np.zeros(len(positions), np.bool_)
         cells, _ = _directions(np.ascontiguousarray(positions))
         return self._between[cells // NUM_AZIMUTHS]
+
+
+def _view(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns (E, A) which cells are in view, by those (E, A) with a return."""
+    azimuths = np.pad(is_seen.any(axis=0), _NUM_REACHED, mode="wrap")
+    across = sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1)
+    in_view = np.zeros(is_seen.shape, np.bool_)
+    elevations = np.flatnonzero(is_seen.any(axis=1))
+    in_view[elevations.min(initial=_NUM_ELEVATIONS) : elevations.max(initial=0) + 1] = across
+    return in_view
 
 
 def _between(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -32,7 +32,11 @@ def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
     return Suspects(np.arange(1), objects, standing, expected)
 
 
-@pytest.mark.parametrize(("parts", "least", "most"), [([], 0.4, 0.5), ([plate(5)], 0.01, 0.11)])
+@pytest.mark.parametrize(
+    ("parts", "least", "most"),
+    [([3 * plate(12)], 0.4, 0.5), ([plate(5)], 0.01, 0.11), ([], 0.01, 0.11)],
+    ids=["seen through", "hidden", "out of view"],
+)
 def test_hidden_place_says_little(parts, least, most):
     current = prepared(plate(12))
     away = target(prepared(plate(12, 20), *parts), current)

@@ -277,3 +277,16 @@ class TestChangedSettings:
         assert off.estimate(triplet(1, 2, 3)).start is Start.COLD_BY_SETTING
         short = estimator.with_settings(SETTINGS.changed({"warm_start.max_gap_s": 0.05}))
         assert short.traits.max_gap_s == 0.05
+
+
+def test_under_a_ceiling_a_car_is_no_part_of_the_walls():
+    def beneath(current):
+        x, y = np.mgrid[-20:20:0.2, -8:8:0.2].reshape(2, -1)
+        ceiling = np.stack([x, y, np.full(len(x), 3.0)], axis=1).astype(np.float32)
+        return replace(current, xyz=np.concatenate([current.xyz, ceiling]))
+
+    current = sweep(1)
+    result = estimate(SweepTriplet(*map(beneath, drive(0, 1, 2))))
+    assert result.over_ground.dynamic[: len(current)][of_car(current)].all()
+    assert not result.over_ground.dynamic[len(current) :].any()
+    assert not result.kept[len(current) :].any()

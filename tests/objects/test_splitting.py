@@ -65,10 +65,10 @@ class TestSplit:
         whole = prepared(FAR, coach(0.0))
         found = after([coach(-4.0)], coach(0.0))
         assert (found.wholes != np.arange(found.num_objects)).any()
-        joined = found.without_parts_of(np.unique(found.wholes))
+        joined = found.with_only_parts(np.zeros(0, np.int64))
         np.testing.assert_array_equal(joined.objects(), whole.objects())
         np.testing.assert_array_equal(joined.thinned_objects, whole.thinned_objects)
-        kept = found.without_parts_of(np.zeros(0, np.int64))
+        kept = found.with_only_parts(np.arange(found.num_objects))
         np.testing.assert_array_equal(kept.objects(), found.objects())
 
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):
@@ -80,10 +80,14 @@ class TestSplit:
         np.testing.assert_array_equal(found.sizes[:-1], whole.sizes)
 
     def test_a_part_may_be_too_long_to_move(self):
-        found = after([], sheet(14.0, 40.0, 0.5))
+        found = after([], sheet(14.0, 64.0, 0.5))
         assert found.wholes[-1] < found.num_objects - 1
         assert 24.0 < found.sizes[-1] < 30.0
         assert not found.may_move[-1]
+
+    def test_if_most_of_a_thing_is_new_it_is_no_part(self):
+        found = after([], sheet(14.0, 8.0, 0.5))
+        np.testing.assert_array_equal(found.wholes, np.arange(3))
 
     def test_no_other_sweep_and_nothing_new(self):
         current = prepared(surface((8.0, 0.0, 0.0)))
@@ -132,6 +136,19 @@ def test_what_is_new_of_a_bus_goes_along_with_it(body):
     assert over_ground.dynamic[:own].mean() > 0.99
     assert not over_ground.dynamic[own:].any()
     assert np.abs(over_ground.motion[:own].mean(axis=0) - (0, 0.5, 0)).max() < 0.05
+
+
+@pytest.mark.parametrize(("middle_m", "motion_m"), [(-3.0, 0.3), (-1.0, 0.5), (2.0, 0.5)])
+def test_a_bus_that_is_longer_than_the_view_moves_as_its_end_does(middle_m, motion_m):
+    def seen(number):
+        points = np.concatenate([bus(middle_m + motion_m * number), FAR])
+        return points[np.abs(points[:, 1]) < np.tan(np.radians(30)) * points[:, 0]]
+
+    over_ground = last_estimate([seen(number) for number in range(-8, 2)]).over_ground
+    own = len(seen(0)) - np.count_nonzero(seen(0)[:, 0] > 20)
+    assert over_ground.dynamic[:own].mean() > 0.99
+    assert not over_ground.dynamic[own:].any()
+    assert np.abs(over_ground.motion[:own].mean(axis=0) - (0, motion_m, 0)).max() < 0.05
 
 
 def beside(hedge):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Places that a sweep knows nothing of: between its beams."""
+"""Places that a sweep knows nothing of: between its beams, and beside its view."""
 
 from __future__ import annotations
 
@@ -42,3 +42,17 @@ def test_where_few_things_reach_up_the_beams_still_meet_them():
 
 def test_nothing_returned():
     assert not RangeView(rings([])).are_between(rings(FEW)).any()
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "azimuth_deg", "is_hidden"),
+    [(0.0, 0.0, False), (0.0, 50.0, True), (0.0, 180.0, True), (25.0, 0.0, True)],
+)
+def test_beside_its_view_a_sensor_sees_nothing(elevation_deg, azimuth_deg, is_hidden):
+    view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(-40.0, 40.0, 0.4)))
+    assert view.are_hidden(rings([elevation_deg], [azimuth_deg], range_m=5.0)) == is_hidden
+
+
+def test_an_azimuth_between_two_columns_is_in_view():
+    view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(0.0, 360.0, 2.0)))
+    assert not view.are_hidden(rings([0.0], AROUND, range_m=5.0)).any()
