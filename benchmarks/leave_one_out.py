@@ -16,24 +16,22 @@ from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+import world_scores
 from drives import kept_world
 from frame import Table, make_parser, publish
-from movers import CACHE, DURATION_S, in_processes
+from movers import CACHE, DURATION_S, FIGURES, in_processes
 from world_scores import world_score
 
 from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
+from mnsf_ros.objects.decision import moves
 from mnsf_ros.objects.encoded_field import whole
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
-from mnsf_ros.sweeps.range_view import RangeView
 
-_FIGURES: Final = {
-    "recall": "recall",
-    "found": "found",
-    "pedestrians": "pedestrians",
-    "false movers": "false movers a sweep",
-    "dynamic EPE": "EPE dynamic (m)",
-    "dynamic EPE, two sweeps": "two sweeps",
-}
+_NAMES: Final = ("recall", "found", "pedestrians", "false movers", "dynamic EPE")
+_FIGURES: Final = {name: FIGURES[name][0] for name in (*_NAMES, "dynamic EPE, two sweeps")}
 
 
 def _without_term(term: int) -> tuple[Any, str, Any]:
@@ -42,7 +40,7 @@ def _without_term(term: int) -> tuple[Any, str, Any]:
     return decision, "_WEIGHTS", tuple(weights)
 
 
-_NONE: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+_WITH_CEILINGS: Final = preset("online").changed({"objects.max_height_m": 100.0})
 
 # Row to what is replaced: owner, name and value.
 _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
@@ -55,10 +53,14 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "parts move alone less often": _without_term(7),
     "followed before it is called": (decision, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
-    "between the beams": (RangeView, "are_between", lambda _, xyz: np.zeros(len(xyz), bool)),
+    "beside the view": (range_view, "_view", np.ones_like),
+    "between the beams": (range_view, "_between", lambda is_seen: np.zeros(len(is_seen), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
+    "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
+    "doubt about the ego motion": (decision, "moves", lambda *own: moves(*own[:-1], 0 * own[-1])),
     "splitting": (scene, "split", lambda current, _: current),
-    "attachments": (over_ground, "attached", lambda *_: _NONE),
+    "attachments": (over_ground, "attached", lambda *_: np.zeros((2, 0), int)),
+    "wholes move as their parts": (ObjectSweep, "relatives", lambda _, own: np.arange(len(own))),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),
     "what moves goes on as it did": (motions, "_SURPRISE", np.inf),

@@ -50,7 +50,7 @@ _MORE: Final = {
     "velocity": ("velocity (m/s)", False),
     "ego motion": ("ego motion (m)", False),
 }
-_FIGURES: Final = _MAIN | _MORE
+FIGURES: Final = _MAIN | _MORE
 # A band of confidence with fewer points is not judged.
 _MIN_BAND_POINTS: Final = 500
 
@@ -186,7 +186,7 @@ def spread(scores: Sequence[WorldScore], figure: str) -> tuple[float, float]:
     values = values[~np.isnan(values)]
     if len(values) == 0:
         return math.nan, math.nan
-    worst = np.quantile(values, 0.1 if _FIGURES[figure][1] else 0.9)
+    worst = np.quantile(values, 0.1 if FIGURES[figure][1] else 0.9)
     return float(np.median(values)), float(worst)
 
 

@@ -71,7 +71,7 @@ class Decision:
         scores = moving_scores(features)
         ego_noise = targets.near[0].sweep.pose.step_covariance[:2, :2]
         may_move, is_moving = moves(
-            objects.numbers, wholes, moving.motions, scores, interval_s, ego_noise, settings
+            objects.numbers, wholes, moving.motions, scores, interval_s, settings, ego_noise
         )
         followed = objects.only(may_move)
         held = np.zeros(len(objects))
@@ -211,8 +211,8 @@ def moves(
     motions: NDArray[np.float32],
     scores: NDArray[np.float64],
     interval_s: float,
-    ego_noise: NDArray[np.float64],
     settings: ObjectSettings,
+    ego_noise: NDArray[np.float64],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
@@ -225,8 +225,8 @@ def moves(
         motions: (K, 3) metres, to the next sweep.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
-        ego_noise: (2, 2) square metres, covariance of the ego motion until then, along the ground.
         settings: Settings of the objects.
+        ego_noise: (2, 2) square metres, covariance of the ego motion until then, along the ground.
     """
     are_parts, along_ground = wholes != numbers, motions[:, :2].astype(np.float64)
     noise = (NOISE_M / USUAL_INTERVAL_S * interval_s) ** 2 * np.eye(2) + ego_noise
