@@ -23,7 +23,6 @@ from movers import CACHE, DURATION_S, FIGURES, in_processes
 from world_scores import world_score
 
 from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
-from mnsf_ros.objects.decision import moves
 from mnsf_ros.objects.encoded_field import whole
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.presets import preset
@@ -57,7 +56,6 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "between the beams": (range_view, "_between", lambda is_seen: np.zeros(len(is_seen), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
-    "doubt about the ego motion": (decision, "moves", lambda *own: moves(*own[:-1], 0 * own[-1])),
     "splitting": (scene, "split", lambda current, _: current),
     "attachments": (over_ground, "attached", lambda *_: np.zeros((2, 0), int)),
     "wholes move as their parts": (ObjectSweep, "relatives", lambda _, own: np.arange(len(own))),

@@ -113,7 +113,7 @@ class OverGround:
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
-    NO_OBJECT = "ground, or outside the crop"
+    NO_OBJECT = "ground, too high, or outside the crop"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"

@@ -22,7 +22,7 @@ _RADIUS_M: Final = 0.5
 _FARTHEST_M: Final = 2.0
 # Parameters that change a verdict.
 _SETTINGS: Final = {
-    Verdict.NO_OBJECT: "see the parameters crop.* and ground.*",
+    Verdict.NO_OBJECT: "see the parameters crop.*, ground.* and objects.max_height_m",
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
     Verdict.TOO_LARGE: "the parameter objects.max_size_m is the limit",
     Verdict.LEFT_OUT: "the parameter objects.max_suspects is the limit",

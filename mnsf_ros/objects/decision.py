@@ -69,9 +69,8 @@ class Decision:
         free = free_space(objects, targets, moving.motions)
         features = evidence(fitted, standing, moving, free, wholes != objects.numbers)
         scores = moving_scores(features)
-        ego_noise = targets.near[0].sweep.pose.step_covariance[:2, :2]
         may_move, is_moving = moves(
-            objects.numbers, wholes, moving.motions, scores, interval_s, settings, ego_noise
+            objects.numbers, wholes, moving.motions, scores, interval_s, settings
         )
         followed = objects.only(may_move)
         held = np.zeros(len(objects))
@@ -212,12 +211,10 @@ def moves(
     scores: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
-    ego_noise: NDArray[np.float64],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
-    What goes no farther than the noise of points and of the ego motion does not. Of a part and its
-    whole the likelier one does: the whole stands, or the part goes along.
+    Of a part and its whole the likelier one does: the whole stands, or the part goes along.
 
     Args:
         numbers: (K,) the objects.
@@ -226,12 +223,11 @@ def moves(
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
-        ego_noise: (2, 2) square metres, covariance of the ego motion until then, along the ground.
     """
-    are_parts, along_ground = wholes != numbers, motions[:, :2].astype(np.float64)
-    noise = (NOISE_M / USUAL_INTERVAL_S * interval_s) ** 2 * np.eye(2) + ego_noise
-    is_possible = (along_ground @ np.linalg.inv(noise) * along_ground).sum(axis=1) > 1
-    is_possible &= np.hypot(*along_ground.T) <= settings.max_speed_m_s * interval_s
+    are_parts = wholes != numbers
+    lengths = np.hypot(motions[:, 0], motions[:, 1])
+    is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
+    is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
     may_move = is_possible & (scores > limit - _TENTATIVE)
     alone, best = are_parts & may_move, np.full(numbers.max(initial=0) + 1, -np.inf)

@@ -17,8 +17,6 @@ from mnsf_ros.settings import Settings
 PLACE = np.array([12.0, 0.0, 0.0])
 # A number, and that of its whole.
 ONE = (np.ones(1, np.int64), np.ones(1, np.int64))
-# No doubt about the ego motion.
-STILL = np.zeros((2, 2))
 
 
 def plate(x_m, y_m=0.0):
@@ -86,7 +84,7 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     # The evidence of this sweep alone is just not enough.
     scores = moving_scores(features) - bias - 1.0
     assert scores[0] == pytest.approx(-1.0 + 0.4 * odds)
-    may_move, is_moving = moves(*ONE, moving.motions, scores, 0.1, Settings().objects, STILL)
+    may_move, is_moving = moves(*ONE, moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called
 
@@ -112,17 +110,10 @@ def test_where_a_sweep_does_not_tell_a_mover_goes_on_as_expected(odds, goes_on):
 def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m):
     def said(length_m):
         motion, scores = rows((length_m, 0, 0)), np.full(1, 9.0)
-        return moves(*ONE, motion, scores, interval_s, Settings().objects, STILL)[1][0]
+        return moves(*ONE, motion, scores, interval_s, Settings().objects)[1][0]
 
     assert said(moves_by_m)
     assert not said(0.7 * moves_by_m)
-
-
-@pytest.mark.parametrize(("motion", "is_mover"), [((0.09, 0, 0), False), ((0, 0.09, 0), True)])
-def test_a_motion_within_the_doubt_about_the_sensors_own_is_none(motion, is_mover):
-    ego_noise = np.diag((0.1, 0.01)) ** 2
-    said = moves(*ONE, rows(motion), np.full(1, 9.0), 0.1, Settings().objects, ego_noise)
-    assert said[0] == said[1] == is_mover
 
 
 @pytest.mark.parametrize(
@@ -140,7 +131,7 @@ def test_a_motion_within_the_doubt_about_the_sensors_own_is_none(motion, is_move
 def test_of_a_part_and_its_whole_the_likelier_moves(scores, followed, moving):
     settings = Settings().objects
     numbers, wholes, motions = np.array([3, 7]), np.array([3, 3]), rows((0.3, 0, 0), (0.3, 0, 0))
-    may_move, is_moving = moves(numbers, wholes, motions, np.array(scores), 0.1, settings, STILL)
+    may_move, is_moving = moves(numbers, wholes, motions, np.array(scores), 0.1, settings)
     assert may_move.tolist() == followed
     assert is_moving.tolist() == moving
 
@@ -148,6 +139,6 @@ def test_of_a_part_and_its_whole_the_likelier_moves(scores, followed, moving):
 def test_parts_of_what_cannot_move_are_judged_by_themselves():
     scores, motions = np.full(2, 4.0), rows((0.3, 0, 0), (0, 0.2, 0))
     _, is_moving = moves(
-        np.array([7, 8]), np.array([3, 3]), motions, scores, 0.1, Settings().objects, STILL
+        np.array([7, 8]), np.array([3, 3]), motions, scores, 0.1, Settings().objects
     )
     assert is_moving.all()
