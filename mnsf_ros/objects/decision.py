@@ -122,7 +122,7 @@ class Decision:
     def doubtful(self) -> Suspects:
         """Suspects that are not called dynamic, with those beyond the limits of the work."""
         suspects = self.proposals.suspects
-        return suspects.only(~np.isin(suspects.rows, self.fitted.rows[self.is_moving]))
+        return suspects.only(~np.isin(suspects.objects.numbers, self.movers.numbers))
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:

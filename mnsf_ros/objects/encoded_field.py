@@ -72,8 +72,10 @@ class EncodedPoints:
         """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
         objects = self.objects
         moved = self._flow(self._steps[target][:, :, None] * heads)
-        limits_m = target.limits_m(objects, moved)
-        distances, _, _ = self._compared(target, moved, objects.spacing, limits_m)
+        points, each, transform = objects.positions, self._each, target.from_current
+        distances, _, _ = target.sweep.grid.compared(
+            points, each, moved, transform, objects.spacing, target.limits_m(objects, moved)
+        )
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
     def fitted(self, target: Target, start: Heads, num_iterations: int) -> Heads:
@@ -90,14 +92,17 @@ class EncodedPoints:
         steps = self._steps[target][:, :, None]
         start = steps * start
         begin = flow = self._flow(start)
-        places = transformed(objects.positions + begin, target.from_current)
+        points, each, transform = objects.positions, self._each, target.from_current
+        places = transformed(points + begin, transform)
         is_hidden = target.sweep.view.are_hidden(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
         for _ in range(num_iterations):
-            distances, vectors, counts = self._compared(target, flow, exactly)
+            distances, vectors, counts = target.sweep.grid.compared(
+                points, each, flow, transform, exactly
+            )
             weights = (counts > 0) * ~is_hidden / (1 + (distances / half_m) ** 2)
-            wanted = turned(vectors, target.from_current[:3, :3].T) + flow - begin
+            wanted = turned(vectors, transform[:3, :3].T) + flow - begin
             left, right = _normal_equations(
                 self._encoding, objects.owners, weights, wanted, len(objects)
             )
@@ -108,19 +113,6 @@ class EncodedPoints:
     def _flow(self, heads: Heads) -> NDArray[np.float32]:
         """Returns (P, 3) metres, the flow of the points."""
         return headed(self._encoding, self.objects.owners, heads)
-
-    def _compared(
-        self,
-        target: Target,
-        moved: NDArray[np.float32],
-        within_m: NDArray[np.float32],
-        limits_m: NDArray[np.float32] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """As `PointGrid.compared`, each point by itself, after motions (P, 3) until the target."""
-        positions, transform = self.objects.positions, target.from_current
-        return target.sweep.grid.compared(
-            positions, self._each, moved, transform, within_m, limits_m
-        )
 
 
 def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:

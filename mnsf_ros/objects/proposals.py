@@ -69,13 +69,11 @@ class Suspects:
     """K objects that may move.
 
     Attributes:
-        rows: (K,) int, which of all objects they are.
         objects: Their points.
         standing: How well a few points of each are explained as static.
         expected: What tracks expect of them.
     """
 
-    rows: NDArray[np.int64]
     objects: ObjectPoints
     standing: JudgedMotions
     expected: Expectation
@@ -100,11 +98,10 @@ class Suspects:
         changed = np.concatenate([target.objects_beside_gone for target in others])
         is_suspect |= np.isin(objects.numbers, changed)
         standing = judge(some.only(is_suspect), targets, no_motion[is_suspect])
-        rows, own = np.flatnonzero(is_suspect), objects.only(is_suspect)
-        return cls(rows, own, standing, expected.only(is_suspect))
+        return cls(objects.only(is_suspect), standing, expected.only(is_suspect))
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.objects)
 
     def are_first(self, number: int) -> NDArray[np.bool_]:
         """Returns a (K,) mask of what was seen to move, then the nearest ones, up to a number."""
@@ -116,12 +113,8 @@ class Suspects:
 
     def only(self, wanted: NDArray[np.bool_]) -> "Suspects":
         """Returns the objects of the (K,) mask."""
-        return Suspects(
-            self.rows[wanted],
-            self.objects.only(wanted),
-            self.standing.only(wanted),
-            self.expected.only(wanted),
-        )
+        objects, standing = self.objects.only(wanted), self.standing.only(wanted)
+        return Suspects(objects, standing, self.expected.only(wanted))
 
 
 def first_guesses(

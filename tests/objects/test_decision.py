@@ -29,7 +29,7 @@ def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
     """The only object, with a track that expects a motion with some odds."""
     expected = Expectation(np.ones(1), rows(track), np.zeros(1), np.full(1, odds), np.full(1, 0.05))
     standing = judge(objects, targets, rows((0, 0, 0)))
-    return Suspects(np.arange(1), objects, standing, expected)
+    return Suspects(objects, standing, expected)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,8 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     nearest = objects.centers[:, 0] < 15
     nothing = 0.0 * nearest
     expected = Expectation(nothing, 0 * objects.centers, nothing, nothing, nothing + 1)
-    assert Suspects.among(objects, targets, expected).rows == np.flatnonzero(nearest)
+    suspects = Suspects.among(objects, targets, expected)
+    assert suspects.objects.numbers == objects.numbers[nearest]
     side = objects.only(nearest)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
     assert free_space(side, targets, motion)[0] > 10 * max(
