@@ -200,7 +200,6 @@ class ObjectSettings:
         300, "Maximum number of objects whose motion is searched for: moving, nearest", 1, 100_000
     )
     max_speed_m_s: float = declared(36.0, "Maximum speed of objects over ground", 1, 100)
-    max_iterations: int = declared(4, "Iterations when the motion of an object is fitted", 1, 100)
     min_probability: float = declared(
         0.5,
         "Minimum probability of motion. Higher: fewer false positives, more missed movers",

@@ -69,7 +69,6 @@ class NeuralEstimator(ObjectFlowEstimator):
     ) -> JudgedMotions:
         """Forward field, backward fields, inversion, fusion; arguments as of the online method."""
         objects, targets = suspects.objects, scene.targets
-        num_iterations = self.settings.objects.max_iterations
         all_targets = (*targets.near, *targets.past)
         steps = {target: target.steps_of(objects, start) for target in all_targets}
         points, few = (
@@ -81,7 +80,7 @@ class NeuralEstimator(ObjectFlowEstimator):
         flows: list[FieldFlow] = []
         for target in all_targets:
             with clock.stage("backward" if flows else "forward"):
-                heads = points.fitted(target, _best([*starts, *flows]), num_iterations)
+                heads = points.fitted(target, _best([*starts, *flows]))
                 flows.append(FieldFlow.of(few, targets, heads))
         with clock.stage("fusion"):
             forward, backward = flows[0], flows[len(targets.near) - 1]

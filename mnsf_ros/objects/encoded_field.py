@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.target import Target, Targets
+from mnsf_ros.objects.target import NUM_STEPS, Target, Targets
 
 # Prior weights of the constant and of the offsets, in points: objects move nearly as a whole.
 _PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
@@ -78,7 +78,7 @@ class EncodedPoints:
         )
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
-    def fitted(self, target: Target, start: Heads, num_iterations: int) -> Heads:
+    def fitted(self, target: Target, start: Heads) -> Heads:
         """Returns heads with which the points come to lie on a target.
 
         They minimize a robust D(p + g(p), S) plus a prior around the start.
@@ -86,7 +86,6 @@ class EncodedPoints:
         Args:
             target: The target sweep S.
             start: The heads to start from.
-            num_iterations: Steps.
         """
         objects = self.objects
         steps = self._steps[target][:, :, None]
@@ -97,7 +96,7 @@ class EncodedPoints:
         is_hidden = target.sweep.view.are_hidden(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
-        for _ in range(num_iterations):
+        for _ in range(NUM_STEPS):
             distances, vectors, counts = target.sweep.grid.compared(
                 points, each, flow, transform, exactly
             )
@@ -173,7 +172,6 @@ def turning(
     motions: NDArray[np.float32],
     turns: NDArray[np.float64],
     targets: Targets,
-    num_iterations: int,
 ) -> Heads:
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
@@ -187,14 +185,13 @@ def turning(
         motions: (G, 3) metres, the motions of these to the next sweep.
         turns: (G,) radians, by how much they are expected to turn meanwhile.
         targets: The other sweeps.
-        num_iterations: Steps of each fit.
     """
     things = movers.joined(groups)
     straight = whole(motions)
     steps = {target: target.steps_of(things, motions) for target in targets.near}
     points = EncodedPoints(things, things.centers, steps)
     start = whole(motions, turns)
-    bent = np.mean([points.fitted(each, start, num_iterations) for each in targets.near], axis=0)
+    bent = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
     stiff = whole(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
     before, after = (
         np.mean([points.residuals(target, heads) for target in targets.near], axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.objects.target import Target, Targets
+from mnsf_ros.objects.target import NUM_STEPS, Target, Targets
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
@@ -93,7 +93,7 @@ def are_same(
 
 
 def fit_motion_field(
-    objects: ObjectPoints, target: Target, start: NDArray[np.float32], num_iterations: int
+    objects: ObjectPoints, target: Target, start: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """The forward and the backward field: moves each object until it lies on the target.
 
@@ -104,12 +104,11 @@ def fit_motion_field(
         objects: K objects of the current sweep.
         target: The sweep at t+1 for the forward field, at t-1 for the backward field.
         start: (K, 3) metres, motion to the next sweep to start from.
-        num_iterations: Steps.
     """
     num_steps = target.steps_of(objects, start)
     slopes = target.current.ground.slopes(objects.centers)
     flows = num_steps * start
-    for _ in range(num_iterations):
+    for _ in range(NUM_STEPS):
         flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
         flows += (_STEP * target.pulls(objects, flows)).astype(np.float32)
     flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)

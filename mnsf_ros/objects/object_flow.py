@@ -142,16 +142,15 @@ class ObjectFlowEstimator:
             clock: Of the estimate.
         """
         objects, targets = suspects.objects, scene.targets
-        num_iterations = self.settings.objects.max_iterations
         next_, *previous = targets.near
         others, surprise = suspects.expected.beside(start), suspects.expected.surprise
         with clock.stage("fit to next"):
-            forward = fit_motion_field(objects, next_, start, num_iterations)
+            forward = fit_motion_field(objects, next_, start)
         if not previous:
             with clock.stage("best motion"):
                 return best_of(objects, targets, judge(objects, targets, forward), others, surprise)
         with clock.stage("fit to previous"):
-            backward = fit_motion_field(objects, previous[0], start, num_iterations)
+            backward = fit_motion_field(objects, previous[0], start)
         inverted = backward / np.float32(previous[0].steps)
         with clock.stage("best motion"):
             return fuse_motions(objects, targets, forward, inverted, others, surprise)
@@ -163,5 +162,4 @@ class ObjectFlowEstimator:
         expected = decision.fitted.expected.only(decision.is_moving).turn_rates
         turns = np.zeros(len(motions))
         turns[groups] = expected * scene.usual_interval_s
-        num_iterations = self.settings.objects.max_iterations
-        return turning(movers, groups, motions, turns, scene.targets, num_iterations)
+        return turning(movers, groups, motions, turns, scene.targets)

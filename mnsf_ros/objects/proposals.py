@@ -137,13 +137,11 @@ def first_guesses(
         return suspects.standing.motions, np.zeros(0, dtype=bool)
     expected = suspects.expected
     some, best = suspects.objects.thinner(), suspects.standing
-    num_iterations, reach_m = settings.max_iterations, settings.max_speed_m_s * interval_s
-    voted = voted_motions(some, targets.near, reach_m, best.motions, num_iterations)
+    reach_m, changed_m = settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
+    voted = voted_motions(some, targets.near, reach_m, best.motions)
     best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
     if targets.past:
-        voted = voted_motions(
-            some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions, num_iterations
-        )
+        voted = voted_motions(some, targets.past, changed_m, best.motions)
         best = best_of(some, targets, best, [voted], expected.surprise)
     relatives = targets.near[0].current.relatives(suspects.objects.numbers)
     best = best_of(some, targets, best, [best.motions[relatives]], expected.surprise)

@@ -19,6 +19,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 # The residual of a point is limited to the reach, that of one behind what the sweep saw to this:
 # nobody knows what is there.
 _HIDDEN_M: Final = 0.1
+# Steps of the fit of a motion to a target.
+NUM_STEPS: Final = 4
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
 # moved; less of the interval than this is not believed.
 _MIN_SHARE_OF_STEPS: Final = 0.5

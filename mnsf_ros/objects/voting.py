@@ -27,7 +27,6 @@ def voted_motions(
     targets: Sequence[Target],
     max_change_m: float,
     base: NDArray[np.float32],
-    num_iterations: int,
 ) -> NDArray[np.float32]:
     """Returns (K, 3) metres, the shifts to the next sweep with most votes, fitted to a target.
 
@@ -38,7 +37,6 @@ def voted_motions(
         targets: Other sweeps.
         max_change_m: Longest shift tried.
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
-        num_iterations: Of each fit.
     """
     # In steps to the first target, so that the grid is fine enough over a longer time.
     unit = np.float32(targets[0].steps)
@@ -66,7 +64,7 @@ def voted_motions(
     )
     voted = base.copy()
     voted[:, :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
-    return fit_motion_field(objects, targets[0], voted, num_iterations) / unit
+    return fit_motion_field(objects, targets[0], voted) / unit
 
 
 @compiled("int64[::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1])")
