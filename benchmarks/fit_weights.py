@@ -134,7 +134,8 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
     """Yields the samples of an estimate."""
     scene, decision = estimate.reason_of.scene, estimate.reason_of.decision
     rows = np.flatnonzero(truth.scored & estimate.kept)
-    owners = scene.current.objects()[rows]
+    # With all parts, also of what moves.
+    owners = scene.targets.near[0].current.objects()[rows]
     is_close = end_point_errors(estimate.flow[rows], truth.truth.flow[rows]) < _CLOSE_M
     said = estimate.over_ground.confidence[rows].astype(float)
 

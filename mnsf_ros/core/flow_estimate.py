@@ -130,7 +130,7 @@ class PointState(IntEnum):
     UNCLEAR = 0  # a surface near by, or no return in its direction
     HIT = 1  # a return at its place
     FREE = 2  # seen through
-    HIDDEN = 3  # behind something
+    HIDDEN = 3  # behind something, or out of view
 
     @property
     def text(self) -> str:

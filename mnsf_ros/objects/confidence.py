@@ -41,14 +41,9 @@ def doubtful_confidence(doubtful: Suspects) -> NDArray[np.float32]:
     return _logistic(doubtful_features(doubtful), _DOUBTFUL)
 
 
+@compiled("float32[::1](float32[:, ::1])")
 def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of static points (N, 3), metres."""
-    return _standing(np.ascontiguousarray(xyz))
-
-
-@compiled("float32[::1](float32[:, ::1])")
-def _standing(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Loop of `standing_confidence`."""
     constant, per_metre = np.float32(_STANDING[0]), np.float32(_STANDING[1] / 10)
     confidence = np.empty(len(xyz), np.float32)
     # Of a flat array the compiler knows the steps: it looks at several points at once.

@@ -93,14 +93,14 @@ class EncodedPoints:
         begin = flow = self._flow(start)
         points, each, transform = objects.positions, self._each, target.from_current
         places = transformed(points + begin, transform)
-        is_hidden = target.sweep.view.are_hidden(places)
+        is_unseen = target.are_unseen(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
         for _ in range(NUM_STEPS):
             distances, vectors, counts = target.sweep.grid.compared(
                 points, each, flow, transform, exactly
             )
-            weights = (counts > 0) * ~is_hidden / (1 + (distances / half_m) ** 2)
+            weights = (counts > 0) * ~is_unseen / (1 + (distances / half_m) ** 2)
             wanted = turned(vectors, transform[:3, :3].T) + flow - begin
             left, right = _normal_equations(
                 self._encoding, objects.owners, weights, wanted, len(objects)

@@ -163,8 +163,14 @@ def best_of(
     ]
     excess = np.exp(np.concatenate([surprise(each) for each in others]) / _SURPRISE)
     most_m = np.tile(first.unlikely(surprise), len(others)) / excess - 2 * NOISE_M
-    most_m[np.concatenate(are_again)] = -np.inf
-    judged = judge(objects.repeated(len(others)), targets, np.concatenate(others), most_m=most_m)
+    motions, is_new = np.concatenate(others), ~np.concatenate(are_again)
+    new = objects.repeated(len(others)).only(is_new)
+    found = judge(new, targets, motions[is_new], most_m=most_m[is_new])
+    near, past = (
+        np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
+    )
+    near[is_new], past[is_new] = found.near, found.past
+    judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
         first = first.better(judged.only(rows), surprise)
     return first

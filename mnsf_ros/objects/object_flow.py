@@ -99,7 +99,7 @@ class ObjectFlowEstimator:
         moving = self.moved(proposals.fitted, scene, starts, clock)
         with clock.stage("gate"):
             decision = Decision.of(proposals, moving, scene, self.settings.objects)
-            current = scene.current.with_only_parts(decision.movers.numbers)
+            current = scene.current.with_parts_beside(decision.movers.numbers)
             scene = replace(scene, current=current)
         with clock.stage("turns"):
             heads = self.heads(scene, decision)

@@ -54,8 +54,11 @@ class ObjectSweep:
         self.xyz = pose.in_one_moment(sweep)
         self.ground, self.heights = ground_under(self.xyz, settings)
         lowest_m = settings.ground.margin_m if settings.ground.remove else -np.inf
-        # What is under a ceiling or a tree would be one with it, as seen from above.
-        self.heights[self.heights > settings.objects.max_height_m] = np.nan
+        if settings.ground.remove:
+            # What is under a ceiling or a tree would be one with it, as seen from above. Beside a
+            # dam, the ground may be far below the road.
+            is_high = (self.heights > settings.objects.max_height_m) & (self.xyz[:, 2] > 0)
+            self.heights[is_high] = np.nan
         self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
@@ -160,10 +163,14 @@ class ObjectSweep:
         keys = keys[2 * counts <= self.counts[keys % self.num_objects]]
         return self._relabelled(apart, np.append(self.wholes, keys % self.num_objects))
 
-    def with_only_parts(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
-        """Returns the same sweep, with all parts but these numbers in their wholes again."""
-        every = np.arange(self.num_objects)
-        after = np.where(np.isin(every, numbers), every, self.wholes)
+    def with_parts_beside(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
+        """Returns the same sweep, with all others than these numbers whole again.
+
+        The other parts of a whole of which a part is among them stay apart, too: they may be
+        fragments of that.
+        """
+        split = np.setdiff1d(self.wholes[numbers], numbers)
+        after = np.where(np.isin(self.wholes, split), np.arange(self.num_objects), self.wholes)
         return self._relabelled(lambda _, objects: after[objects], self.wholes)
 
     def _relabelled(

@@ -128,9 +128,8 @@ def _match(
     nearest = target.sweep.grid.nearest(places)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)
     beyond = np.where(nearest >= 0, distances, REACH_M) - objects.spacing
-    view = target.sweep.view
     states = np.select(
-        [beyond <= 0, view.are_free(places), view.are_hidden(places)],
+        [beyond <= 0, target.sweep.view.are_free(places), target.are_unseen(places)],
         [PointState.HIT, PointState.FREE, PointState.HIDDEN],
         PointState.UNCLEAR,
     )

@@ -16,8 +16,7 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# The residual of a point is limited to the reach, that of one behind what the sweep saw to this:
-# nobody knows what is there.
+# The residual of a point is limited to the reach, that of one that nobody can have seen to this.
 _HIDDEN_M: Final = 0.1
 # Steps of the fit of a motion to a target.
 NUM_STEPS: Final = 4
@@ -132,6 +131,14 @@ class Target:
         nearest = PointGrid(places).nearest(self.gone, TOUCH_M)
         return nearest[nearest >= 0]
 
+    def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3), frame of the target, nobody can have seen.
+
+        They are behind a surface, or beside the view: nothing returns from there in both sweeps.
+        """
+        view, other = self.sweep.view, self.current.view
+        return view.are_hidden(places) | view.are_beside(places) & other.are_beside(places)
+
     def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (P,) metres, the largest residuals of points with flows to this sweep.
 
@@ -140,11 +147,10 @@ class Target:
             flows: (P, 3) metres, how far they are moved.
         """
         places = transformed(objects.positions + flows, self.from_current)
-        view = self.sweep.view
-        limits_m = np.where(view.are_hidden(places), np.float32(_HIDDEN_M), np.float32(REACH_M))
+        limits_m = np.where(self.are_unseen(places), np.float32(_HIDDEN_M), np.float32(REACH_M))
         # A place that no laser meets tells nothing, though traces of lasers, which go along with
         # the robot, are beside it.
-        limits_m[view.are_between(places)] = 0.0
+        limits_m[self.sweep.view.are_between(places)] = 0.0
         return limits_m
 
     def residuals(

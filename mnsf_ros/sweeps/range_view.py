@@ -37,9 +37,7 @@ class RangeView:
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
-        self._between = _between(is_seen)
-        # Beside its view a sensor sees no farther than itself.
-        self._farthest = np.where(_view(is_seen).ravel(), self._nearest, -np.float32(np.inf))
+        self._between, self._beside = _between(is_seen), _beside(is_seen)
 
     def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
@@ -51,13 +49,15 @@ class RangeView:
         return np.isfinite(around) & (around > ranges + _margins(ranges))
 
     def are_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) which places (P, 3), metres, sensor frame, nobody can have seen.
-
-        They are behind a surface, or beside the view: from their azimuth nothing returns, or from
-        no elevation as low, or as high.
-        """
+        """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
         cells, ranges = _directions(np.ascontiguousarray(positions))
-        return self._farthest[cells] + _margins(ranges) < ranges
+        return self._nearest[cells] + _margins(ranges) < ranges
+
+    def are_beside(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) from the azimuth of which places (P, 3), sensor frame, nothing returns."""
+        if not self._beside.any():
+            return np.zeros(len(positions), np.bool_)
+        return self._beside[azimuths_of(positions)]
 
     def are_between(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are between the beams.
@@ -70,14 +70,10 @@ class RangeView:
         return self._between[cells // NUM_AZIMUTHS]
 
 
-def _view(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns (E, A) which cells are in view, by those (E, A) with a return."""
+def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns (A,) from which azimuths, and those around, no cell (E, A) has a return."""
     azimuths = np.pad(is_seen.any(axis=0), _NUM_REACHED, mode="wrap")
-    across = sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1)
-    in_view = np.zeros(is_seen.shape, np.bool_)
-    elevations = np.flatnonzero(is_seen.any(axis=1))
-    in_view[elevations.min(initial=_NUM_ELEVATIONS) : elevations.max(initial=0) + 1] = across
-    return in_view
+    return np.asarray(~sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1))
 
 
 def _between(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -33,14 +33,20 @@ def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
 
 
 @pytest.mark.parametrize(
-    ("parts", "least", "most"),
-    [([3 * plate(12)], 0.4, 0.5), ([plate(5)], 0.01, 0.11), ([], 0.01, 0.11)],
-    ids=["seen through", "hidden", "out of view"],
+    ("parts", "motion", "least", "most"),
+    [
+        ([3 * plate(12)], (0, 0, 0), 0.4, 0.5),
+        ([plate(5)], (0, 0, 0), 0.01, 0.11),
+        ([], (0, -10, 0), 0.01, 0.11),
+        # Where it is now the sensor looks, though nothing returned from there.
+        ([], (0, 0, 0), 0.4, 0.5),
+    ],
+    ids=["seen through", "hidden", "out of view", "nothing returned"],
 )
-def test_hidden_place_says_little(parts, least, most):
+def test_hidden_place_says_little(parts, motion, least, most):
     current = prepared(plate(12))
     away = target(prepared(plate(12, 20), *parts), current)
-    assert least < away.residuals(objects_of(current), rows((0, 0, 0)))[0] <= most
+    assert least < away.residuals(objects_of(current), rows(motion))[0] <= most
 
 
 def slid(y_m=0.0):

@@ -290,3 +290,14 @@ def test_under_a_ceiling_a_car_is_no_part_of_the_walls():
     assert result.over_ground.dynamic[: len(current)][of_car(current)].all()
     assert not result.over_ground.dynamic[len(current) :].any()
     assert not result.kept[len(current) :].any()
+
+
+def test_a_road_on_a_dam_has_ground_far_below_and_still_objects():
+    def on_a_dam(current):
+        x, y = np.mgrid[-60:60:0.4, 5:60:0.4].reshape(2, -1)
+        fields = np.stack([np.tile(x, 2), np.append(y, -y), np.full(2 * len(x), -7.8)], axis=1)
+        return replace(current, xyz=np.concatenate([current.xyz, fields.astype(np.float32)]))
+
+    current = sweep(1)
+    result = estimate(SweepTriplet(*map(on_a_dam, drive(0, 1, 2))))
+    assert result.over_ground.dynamic[: len(current)][of_car(current)].mean() > 0.9

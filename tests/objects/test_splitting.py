@@ -65,11 +65,36 @@ class TestSplit:
         whole = prepared(FAR, coach(0.0))
         found = after([coach(-4.0)], coach(0.0))
         assert (found.wholes != np.arange(found.num_objects)).any()
-        joined = found.with_only_parts(np.zeros(0, np.int64))
+        joined = found.with_parts_beside(np.zeros(0, np.int64))
         np.testing.assert_array_equal(joined.objects(), whole.objects())
         np.testing.assert_array_equal(joined.thinned_objects, whole.thinned_objects)
-        kept = found.with_only_parts(np.arange(found.num_objects))
+        kept = found.with_parts_beside(np.flatnonzero(found.wholes != np.arange(found.num_objects)))
         np.testing.assert_array_equal(kept.objects(), found.objects())
+
+    def test_what_is_beside_a_moving_part_stays_apart(self):
+        found = after([HEDGE], np.concatenate([person(-3.0), person(3.0), HEDGE]))
+        part, other = np.flatnonzero(found.wholes != np.arange(found.num_objects))
+        np.testing.assert_array_equal(
+            found.with_parts_beside(np.array([part])).objects(), found.objects()
+        )
+        whole = found.with_parts_beside(np.array([part, found.wholes[part]])).objects()
+        assert not np.isin(whole, [part, other]).any()
+
+    def test_relatives_are_the_whole_and_its_largest_part(self):
+        both = np.concatenate([person(-3.0), person(3.0), person(3.2), HEDGE])
+        found = after([HEDGE], both)
+        hedge, small, large = (
+            found.wholes[-1],
+            *np.argsort(found.counts[-2:]) + len(found.wholes) - 2,
+        )
+        assert found.counts[small] < found.counts[large]
+        for numbers, relatives in (
+            ([hedge, small, large], [2, 0, 0]),
+            ([small, hedge], [1, 0]),
+            ([small, large], [0, 1]),
+            ([hedge], [0]),
+        ):
+            assert found.relatives(np.array(numbers)).tolist() == relatives
 
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):
         points = np.concatenate([person(1.0), HEDGE])

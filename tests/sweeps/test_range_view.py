@@ -45,14 +45,14 @@ def test_nothing_returned():
 
 
 @pytest.mark.parametrize(
-    ("elevation_deg", "azimuth_deg", "is_hidden"),
-    [(0.0, 0.0, False), (0.0, 50.0, True), (0.0, 180.0, True), (25.0, 0.0, True)],
+    ("azimuth_deg", "is_beside"), [(0.0, False), (39.0, False), (50.0, True), (180.0, True)]
 )
-def test_beside_its_view_a_sensor_sees_nothing(elevation_deg, azimuth_deg, is_hidden):
+def test_beside_its_view_a_sensor_sees_nothing(azimuth_deg, is_beside):
     view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(-40.0, 40.0, 0.4)))
-    assert view.are_hidden(rings([elevation_deg], [azimuth_deg], range_m=5.0)) == is_hidden
+    assert view.are_beside(rings([0.0], [azimuth_deg], range_m=5.0)) == is_beside
+    assert view.are_beside(rings([25.0], [azimuth_deg], range_m=20.0)) == is_beside
 
 
 def test_an_azimuth_between_two_columns_is_in_view():
     view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(0.0, 360.0, 2.0)))
-    assert not view.are_hidden(rings([0.0], AROUND, range_m=5.0)).any()
+    assert not view.are_beside(rings([0.0], AROUND)).any()
