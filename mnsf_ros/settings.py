@@ -191,7 +191,10 @@ class ObjectSettings:
         24.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(12, 40)
     )
     max_height_m: float = declared(
-        4.5, "Higher points above the ground are of none (ceilings, crowns of trees)", 0.5, 100
+        4.5,
+        "Points above the lidar and higher above ground count as static (ceilings, crowns)",
+        0.5,
+        100,
     )
     points_per_object: int = declared(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
