@@ -51,16 +51,13 @@ class Decision:
     seen: Sightings
 
     @classmethod
-    def of(
-        cls, proposals: Proposals, moving: JudgedMotions, scene: Scene, settings: ObjectSettings
-    ) -> "Decision":
+    def of(cls, proposals: Proposals, moving: JudgedMotions, scene: Scene) -> "Decision":
         """Weighs the evidence.
 
         Args:
             proposals: What may move.
             moving: The motions of the F that were fitted.
             scene: The sweeps.
-            settings: Settings of the objects.
         """
         fitted, targets, current = proposals.fitted, scene.targets, scene.current
         objects, interval_s = fitted.objects, scene.usual_interval_s
@@ -70,7 +67,7 @@ class Decision:
         features = evidence(fitted, standing, moving, free, wholes != objects.numbers)
         scores = moving_scores(features)
         may_move, is_moving = moves(
-            objects.numbers, wholes, moving.motions, scores, interval_s, settings
+            objects.numbers, wholes, moving.motions, scores, interval_s, scene.settings
         )
         followed = objects.only(may_move)
         held = np.zeros(len(objects))

@@ -2,7 +2,7 @@
 """Memory from one estimate to the next: the tracks of movers, and what they expect."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,13 +89,7 @@ class Expectation:
 
     def only(self, wanted: NDArray[np.bool_]) -> "Expectation":
         """Returns the predictions for the objects of the (K,) mask."""
-        return Expectation(
-            self.shares[wanted],
-            self.motions[wanted],
-            self.turn_rates[wanted],
-            self.scores[wanted],
-            self.deviations_m[wanted],
-        )
+        return Expectation(*(getattr(self, each.name)[wanted] for each in fields(self)))
 
 
 class MotionMemory:

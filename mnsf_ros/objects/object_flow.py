@@ -94,11 +94,11 @@ class ObjectFlowEstimator:
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
-        proposals = Proposals.of(scene, self.settings.objects, clock)
+        proposals = Proposals.of(scene, clock)
         starts = proposals.start[proposals.are_worth]
         moving = self.moved(proposals.fitted, scene, starts, clock)
         with clock.stage("gate"):
-            decision = Decision.of(proposals, moving, scene, self.settings.objects)
+            decision = Decision.of(proposals, moving, scene)
             current = scene.current.with_parts_beside(decision.movers.numbers)
             scene = replace(scene, current=current)
         with clock.stage("turns"):
@@ -115,7 +115,7 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=proposals.num_left_out,
-            reason_of=Reasons(scene, self.settings.objects, decision),
+            reason_of=Reasons(scene, decision),
         )
 
     def _followed(

@@ -122,7 +122,7 @@ def _are_loose(scene: Scene, doubtful: ObjectPoints, movers: ObjectPoints) -> ND
 
     A whole that stands while a part of it moves is neither.
     """
-    are_loose = scene.current.counts < scene.min_points
+    are_loose = scene.current.counts < scene.settings.min_points
     are_loose[doubtful.numbers] = True
     are_loose[scene.current.wholes[movers.numbers]] = False
     are_loose[0] = False

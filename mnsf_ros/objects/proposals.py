@@ -15,7 +15,6 @@ from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.objects.voting import voted_motions
-from mnsf_ros.settings import ObjectSettings
 
 # In older sweeps, motions that differ from the best in the neighbouring ones by less are tried: the
 # work grows with the square.
@@ -39,18 +38,16 @@ class Proposals:
     are_worth: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, scene: Scene, settings: ObjectSettings, clock: StageClock) -> "Proposals":
+    def of(cls, scene: Scene, clock: StageClock) -> "Proposals":
         """Returns those of the current sweep."""
         with clock.stage("objects"):
-            objects = ObjectPoints.of(scene.current, settings)
+            objects = ObjectPoints.of(scene.current, scene.settings)
             pose = scene.current.pose.world_from_sensor
             expected = Expectation.of(objects, scene.tracks, pose, scene.interval_s)
             suspects = Suspects.among(objects, scene.targets, expected)
-            searched = suspects.only(suspects.are_first(settings.max_suspects))
+            searched = suspects.only(suspects.are_first(scene.settings.max_suspects))
         with clock.stage("first guess"):
-            start, are_worth = first_guesses(
-                searched, scene.targets, scene.usual_interval_s, settings
-            )
+            start, are_worth = first_guesses(searched, scene)
         return cls(suspects, searched, start, are_worth)
 
     @cached_property
@@ -118,7 +115,7 @@ class Suspects:
 
 
 def first_guesses(
-    suspects: Suspects, targets: Targets, interval_s: float, settings: ObjectSettings
+    suspects: Suspects, scene: Scene
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
 
@@ -129,21 +126,20 @@ def first_guesses(
 
     Args:
         suspects: K objects.
-        targets: The other sweeps.
-        interval_s: Time to the next sweep.
-        settings: Settings of the objects.
+        scene: The sweeps.
     """
     if len(suspects) == 0:
         return suspects.standing.motions, np.zeros(0, dtype=bool)
     expected = suspects.expected
     some, best = suspects.objects.thinner(), suspects.standing
-    reach_m, changed_m = settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
+    targets, interval_s = scene.targets, scene.usual_interval_s
+    reach_m, changed_m = scene.settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
     voted = voted_motions(some, targets.near, reach_m, best.motions)
     best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
     if targets.past:
         voted = voted_motions(some, targets.past, changed_m, best.motions)
         best = best_of(some, targets, best, [voted], expected.surprise)
-    relatives = targets.near[0].current.relatives(suspects.objects.numbers)
+    relatives = scene.current.relatives(suspects.objects.numbers)
     best = best_of(some, targets, best, [best.motions[relatives]], expected.surprise)
     explains = best.total < CLEARLY_SHARE * suspects.standing.total
     is_worth = expected.is_known | explains | (not targets.past)

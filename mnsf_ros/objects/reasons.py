@@ -15,7 +15,6 @@ from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import Target
-from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Points of another sweep so far around the box of an object are told with it.
@@ -28,12 +27,10 @@ class Reasons:
 
     Attributes:
         scene: The sweeps.
-        settings: Of the objects.
         decision: What was decided about the objects of the current sweep.
     """
 
     scene: Scene
-    settings: ObjectSettings
     decision: Decision
 
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
@@ -75,7 +72,7 @@ class Reasons:
             return Verdict.PARTLY if stands_beside else Verdict.REFUSED
         if number in self.decision.proposals.searched.objects.numbers:
             return Verdict.NO_BETTER_MOTION
-        if num_points < self.settings.min_points:
+        if num_points < self.scene.settings.min_points:
             return Verdict.TOO_FEW_POINTS
         if number in self.decision.proposals.suspects.objects.numbers:
             return Verdict.LEFT_OUT
@@ -89,7 +86,7 @@ class Reasons:
 
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """What all targets say about an object with a motion (3,), metres to the next sweep."""
-        objects = ObjectPoints.of(self.scene.current, self.settings)
+        objects = ObjectPoints.of(self.scene.current, self.scene.settings)
         own = objects.only(objects.numbers == number)
         if len(own) == 0:
             return ()

@@ -157,7 +157,7 @@ class Scene:
         tracks: What was followed, as it is expected by now.
         interval_s: Time to the next sweep; 0 without stamps.
         start: Whether anything is known from triplets before.
-        min_points: Minimum number of thinned points of an object that is fitted.
+        settings: Settings of the objects.
     """
 
     current: ObjectSweep
@@ -165,7 +165,7 @@ class Scene:
     tracks: list[Track]
     interval_s: float
     start: Start
-    min_points: int
+    settings: ObjectSettings
 
     @classmethod
     def of(
@@ -184,7 +184,7 @@ class Scene:
         current = split(current, past)
         near, past = ([replace(one, current=current) for one in each] for each in (near, past))
         tracks = memory.expected(current.sweep.stamp_ns, interval_s)
-        return cls(current, Targets(near, past), tracks, interval_s, start, settings.min_points)
+        return cls(current, Targets(near, past), tracks, interval_s, start, settings)
 
     @property
     def usual_interval_s(self) -> float:
