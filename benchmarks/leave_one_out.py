@@ -24,7 +24,6 @@ from world_scores import world_score
 
 from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
 from mnsf_ros.objects.encoded_field import whole
-from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
@@ -58,7 +57,6 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
     "splitting": (scene, "split", lambda current, _: current),
     "attachments": (over_ground, "attached", lambda *_: np.zeros((2, 0), int)),
-    "wholes move as their parts": (ObjectSweep, "relatives", lambda _, own: np.arange(len(own))),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),
     "what moves goes on as it did": (motions, "_SURPRISE", np.inf),

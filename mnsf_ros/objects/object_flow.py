@@ -114,7 +114,7 @@ class ObjectFlowEstimator:
             times_ms=clock.times_ms,
             start=scene.start,
             over_ground=over_ground,
-            num_left_out=proposals.num_left_out,
+            num_left_out=len(proposals.suspects) - len(proposals.searched),
             reason_of=Reasons(scene, decision),
         )
 

@@ -116,21 +116,6 @@ class ObjectSweep:
         """(all objects,) those that are not too long to move."""
         return np.asarray(self.sizes < self._max_size_m)
 
-    def relatives(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Returns (K,) where in numbers (K,) the whole of each part is.
-
-        Of a whole it is the largest of its parts; of what has none, and where none is there, it is
-        itself.
-        """
-        rows = np.full(self.num_objects, -1)
-        rows[numbers] = relatives = np.arange(len(numbers))
-        wholes = self.wholes[numbers]
-        parts = np.flatnonzero((wholes != numbers) & (rows[wholes] >= 0))
-        parts = parts[np.argsort(self.counts[numbers[parts]], kind="stable")]
-        relatives[parts] = rows[wholes[parts]]
-        relatives[rows[wholes[parts]]] = parts
-        return relatives
-
     def with_parts(self, rows: NDArray[np.int64]) -> "ObjectSweep":
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 

@@ -91,7 +91,11 @@ def _rows_of_movers(
     """Returns (N,) the mover from 0 that each point, of an object (N,), moves with; -1 for none."""
     current, movers = scene.current, decision.movers
     rows = movers.rows_of(current.num_objects)[owners]
-    are_loose = _are_loose(scene, decision.doubtful.objects, movers)
+    are_loose = current.counts < scene.settings.min_points
+    are_loose[decision.doubtful.objects.numbers] = True
+    # A whole that stands while a part of it moves is no fragment.
+    are_loose[current.wholes[movers.numbers]] = False
+    are_loose[0] = False
     beside, their_rows = attached(current, owners, movers, are_loose)
     rows[beside] = their_rows
     if current.clock is not None:
@@ -115,18 +119,6 @@ def _static_confidence(
     in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
     confidence[in_doubt] = doubts[owners[in_doubt]]
     return confidence
-
-
-def _are_loose(scene: Scene, doubtful: ObjectPoints, movers: ObjectPoints) -> NDArray[np.bool_]:
-    """Returns the mask (all objects,) of those that are doubtful or too small to be fitted.
-
-    A whole that stands while a part of it moves is neither.
-    """
-    are_loose = scene.current.counts < scene.settings.min_points
-    are_loose[doubtful.numbers] = True
-    are_loose[scene.current.wholes[movers.numbers]] = False
-    are_loose[0] = False
-    return are_loose
 
 
 def attached(

@@ -55,11 +55,6 @@ class Proposals:
         """The F objects that a motion may explain better."""
         return self.searched.only(self.are_worth)
 
-    @property
-    def num_left_out(self) -> int:
-        """How many suspects were beyond the limits of the work."""
-        return len(self.suspects) - len(self.searched)
-
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
@@ -121,8 +116,7 @@ def first_guesses(
 
     The shift with most votes of the neighbouring sweeps and what a track expects are compared, then
     that of the older sweeps around the best of them: for slow objects, and for long ones whose
-    sides look alike. At last wholes try the motions of their parts, and parts those of their
-    wholes: where the front of a bus goes tells more than its side.
+    sides look alike.
 
     Args:
         suspects: K objects.
@@ -139,8 +133,6 @@ def first_guesses(
     if targets.past:
         voted = voted_motions(some, targets.past, changed_m, best.motions)
         best = best_of(some, targets, best, [voted], expected.surprise)
-    relatives = scene.current.relatives(suspects.objects.numbers)
-    best = best_of(some, targets, best, [best.motions[relatives]], expected.surprise)
     explains = best.total < CLEARLY_SHARE * suspects.standing.total
     is_worth = expected.is_known | explains | (not targets.past)
     return best.motions, is_worth

@@ -80,22 +80,6 @@ class TestSplit:
         whole = found.with_parts_beside(np.array([part, found.wholes[part]])).objects()
         assert not np.isin(whole, [part, other]).any()
 
-    def test_relatives_are_the_whole_and_its_largest_part(self):
-        both = np.concatenate([person(-3.0), person(3.0), person(3.2), HEDGE])
-        found = after([HEDGE], both)
-        hedge, small, large = (
-            found.wholes[-1],
-            *np.argsort(found.counts[-2:]) + len(found.wholes) - 2,
-        )
-        assert found.counts[small] < found.counts[large]
-        for numbers, relatives in (
-            ([hedge, small, large], [2, 0, 0]),
-            ([small, hedge], [1, 0]),
-            ([small, large], [0, 1]),
-            ([hedge], [0]),
-        ):
-            assert found.relatives(np.array(numbers)).tolist() == relatives
-
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):
         points = np.concatenate([person(1.0), HEDGE])
         found, whole = after([HEDGE], points), prepared(FAR, points)
