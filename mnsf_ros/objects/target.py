@@ -136,8 +136,8 @@ class Target:
 
         They are behind a surface, or beside the view: nothing returns from there in both sweeps.
         """
-        view, other = self.sweep.view, self.current.view
-        return view.are_hidden(places) | view.are_beside(places) & other.are_beside(places)
+        view = self.sweep.view
+        return view.are_hidden(places) | view.are_beside(places, self.current.view)
 
     def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (P,) metres, the largest residuals of points with flows to this sweep.

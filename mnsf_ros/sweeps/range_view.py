@@ -53,11 +53,12 @@ class RangeView:
         cells, ranges = _directions(np.ascontiguousarray(positions))
         return self._nearest[cells] + _margins(ranges) < ranges
 
-    def are_beside(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) from the azimuth of which places (P, 3), sensor frame, nothing returns."""
-        if not self._beside.any():
+    def are_beside(self, positions: NDArray[np.float32], *others: "RangeView") -> NDArray[np.bool_]:
+        """Returns (P,) from the azimuths of which places (P, 3) nothing returns in all views."""
+        beside = np.logical_and.reduce([view._beside for view in (self, *others)])
+        if not beside.any():
             return np.zeros(len(positions), np.bool_)
-        return self._beside[azimuths_of(positions)]
+        return np.asarray(beside[azimuths_of(positions)])
 
     def are_between(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are between the beams.
