@@ -120,7 +120,7 @@ audit: $(COMPLETE)
 benchmark: $(COMPLETE)
 	nice $(BIN)/python benchmarks/paper_table.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
-# Cost and latency of the live methods; a quarter of an hour on two quiet cores.
+# Cost and latency of the method online; a quarter of an hour on two quiet cores.
 benchmark-online: $(COMPLETE)
 	for part in cost live; do \
 		$(BIN)/python benchmarks/$$part.py --document docs/performance.md $(BENCHMARK_OPTIONS) || exit; \
@@ -132,7 +132,7 @@ benchmark-movers: $(COMPLETE)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)
-	for preset in online neural paper authors; do \
+	for preset in online paper authors; do \
 		$(BIN)/mnsf parameters --preset $$preset > config/$$preset.yaml || exit; \
 	done
 	{ sed '/^| setting/,$$d' docs/parameters.md; $(BIN)/mnsf parameters --format markdown; } \

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""CPU of an estimate of `online` and `neural`, and of the node, beside KISS-ICP, in one run.
+"""CPU of an estimate of `online`, and of the node, beside KISS-ICP, in one run.
 
     python benchmarks/cost.py [--document FILE]
 
@@ -34,7 +34,6 @@ _NUM_SWEEPS: Final = 24
 _MAX_ONLINE: Final = 0.5
 # On the few planes of a street a registration is cheap.
 _MAX_ON_STREET: Final = 0.8
-_MAX_NEURAL: Final = 3.0
 _MAX_NODE: Final = 0.75
 # Sweeps that the node gets, at 10 Hz.
 _NUM_PLAYED: Final = 200
@@ -57,16 +56,15 @@ def tables() -> Iterator[Table]:
     targets = [_target("`online`, street", street, _MAX_ON_STREET)]
     if kitti:
         targets.append(_target("`online`, KITTI 0005", kitti, _MAX_ONLINE))
-        targets.append(_target("`neural`, KITTI 0005", kitti, _MAX_NEURAL, "neural"))
     targets.append(_node_target([item.sweep for item in kitti or street]))
     title = f"CPU of an estimate over KISS-ICP's, one thread, {len(street[0].sweep):,} points"
     yield Table(title, TARGET_HEADER, [target.row() for target in targets])
 
 
-def _target(name: str, sweeps: Sequence[TrueSweep], limit: float, method: str = "online") -> Target:
+def _target(name: str, sweeps: Sequence[TrueSweep], limit: float) -> Target:
     """CPU of one estimate over that of one registration, in turns."""
     kiss = _kiss_icp()
-    estimator = make_method(method, preset(method).changed({"compute.num_threads": 1}))
+    estimator = make_method("online", preset("online").changed({"compute.num_threads": 1}))
     ours, theirs = [], []
     for index in range(1, len(sweeps) - 1):
         triplet = triplet_at(sweeps, index)

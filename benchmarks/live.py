@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The live node over DDS, with `online` and `neural`: latency, and dropped sweeps.
+"""The live node over DDS: latency, and dropped sweeps.
 
     python benchmarks/live.py [--quick] [--document FILE]
 
@@ -7,7 +7,6 @@ Latency is the time from publication of sweep t+1 to arrival of the flow of t. T
 have nothing else to do. Use a ROS_DOMAIN_ID of its own.
 """
 
-import os
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from typing import Final
 import numpy as np
 from drives import real_sweeps, simulated_drive, to_and_fro
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
-from live_node import busy_cores, live_node, serialized
+from live_node import live_node, serialized
 
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -28,12 +27,9 @@ _QUICK_S: Final = 10
 _WARM_UP_S: Final = 3
 _KITTI, _STREET = "64 beams, KITTI 0005", "64 beams, street"
 _DENSE: Final = "128 beams, street"
-# The paper's method live.
-_NEURAL: Final = "neural, "
-_LOADED: Final = ", half of the cores busy"
 # Ratios hold on any machine, times on quiet ones with two cores or more.
 _MAX_LATENCY_RATIO: Final = 1.3
-_MAX_P95_MS: Final = {_KITTI: 100, _STREET: 100, _DENSE: 200, _NEURAL + _KITTI: 200}
+_MAX_P95_MS: Final = {_KITTI: 100, _STREET: 100, _DENSE: 200}
 _MAX_MEMORY_MB: Final = 250
 _MAX_START_S: Final = 1.0
 
@@ -113,12 +109,8 @@ def tables(recorded_s: int, street_s: int) -> Iterator[Table]:
 
 
 def _runs(recorded_s: int, street_s: int) -> Iterator[tuple[str, Played]]:
-    num_busy = (os.cpu_count() or 1) // 2
     if kitti := to_and_fro(item.sweep for item in real_sweeps("kitti_0005")[:24]):
         yield _KITTI, _play(kitti, recorded_s)
-        yield _NEURAL + _KITTI, _play(kitti, recorded_s, method="neural")
-        loaded = _play(kitti, recorded_s, num_busy=num_busy, method="neural")
-        yield _NEURAL + _KITTI + _LOADED, loaded
     street = [item.sweep for item in simulated_drive(0, 10 * street_s)]
     yield _STREET, _play(street, street_s)
     fast = simulated_drive(0, 20 * street_s, rate_hz=20)
@@ -127,16 +119,10 @@ def _runs(recorded_s: int, street_s: int) -> Iterator[tuple[str, Played]]:
     yield _DENSE, _play((item.sweep for item in dense), street_s)
 
 
-def _play(
-    sweeps: Iterable[Sweep],
-    duration_s: int,
-    rate_hz: int = 10,
-    num_busy: int = 0,
-    method: str = "online",
-) -> Played:
-    """Publishes sweeps to a node, from the first to the last and again, beside busy cores."""
+def _play(sweeps: Iterable[Sweep], duration_s: int, rate_hz: int = 10) -> Played:
+    """Publishes sweeps to a node, from the first to the last and again."""
     clouds, counts = zip(*((serialized(sweep), len(sweep)) for sweep in sweeps), strict=True)
-    with live_node(f"method.name:={method}") as node, busy_cores(num_busy):
+    with live_node() as node:
         start_s, start_cpu_s = time.monotonic(), node.cpu_s
         for index in range(duration_s * rate_hz):
             node.spin_for(start_s + index / rate_hz - time.monotonic())

@@ -5,7 +5,6 @@
 
 Sweeps are those of KITTI 0005 if the shared data is there (see drives.py), else those of a
 simulated street. Without CUDA nothing is measured; `--device cpu` tries the script itself.
-`neural` runs on the CPU only.
 """
 
 import time

@@ -21,10 +21,10 @@ from frame import Table, make_parser, publish
 
 _NUM_SEEDS: Final = 3
 _MNSF: Final = (sys.executable, "-m", "mnsf_ros.cli")
-_WHOLE: Final = ("online", "neural", "ego-estimated", "fnsf", "mnsf")
+_WHOLE: Final = ("online", "ego-estimated", "fnsf", "mnsf")
 # Ablations are those of `mnsf study`.
-_TRIPLETS: Final = ("nsfp", "fnsf", "mnsf", "mnsf-cycle", "authors/mnsf", "online", "neural")
-_QUICK: Final = ("online", "neural")
+_TRIPLETS: Final = ("nsfp", "fnsf", "mnsf", "mnsf-cycle", "authors/mnsf", "online")
+_QUICK: Final = ("online",)
 # Title of a figure to its decimals.
 _DECIMALS: Final = {"EPE (m)": 3, "Acc5 (%)": 1, "dynamic": 3, "static": 3, "time (s)": 1}
 # The authors' released solvers with the settings of their README on the same triplets, one seed,
@@ -40,7 +40,7 @@ def main() -> None:
     """Computes the missing results and prints the tables."""
     parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
-    parser.add_argument("--quick", action="store_true", help="online and neural, one seed")
+    parser.add_argument("--quick", action="store_true", help="online only, one seed")
     options = parser.parse_args()
     if not DATA.is_dir():
         print(f"Nothing to measure: there is no {DATA}. Set MNSF_DATA to the data's folder.")

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Named sets of settings: `online`, the default; `neural`, the paper's method live.
+"""Named sets of settings: `online`, the default.
 
 For comparison: `paper`, the published method, and `authors`, their released code.
 """
@@ -47,7 +47,6 @@ _AUTHORS: dict[str, SettingValue] = _PAPER | {
 
 _PRESETS: dict[str, dict[str, SettingValue]] = {
     "online": {},
-    "neural": {"method.name": "neural"},
     "paper": _PAPER,
     "authors": _AUTHORS,
 }

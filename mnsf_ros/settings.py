@@ -20,7 +20,7 @@ class MethodSettings:
     """The method of the node."""
 
     name: str = declared(
-        "online", "Method: online, neural, mnsf or another one of docs/evaluation.md", fixed=True
+        "online", "Method: online, mnsf or another one of docs/evaluation.md", fixed=True
     )
 
 
@@ -352,7 +352,7 @@ class FusionSettings:
 
 @dataclass(frozen=True)
 class WarmStartSettings:
-    """Start from the last estimate, with the methods `online` and `neural`."""
+    """Start from the last estimate, with the method `online`."""
 
     enabled: bool = declared(
         True, "Start from the motions of the last estimate; false: from scratch"

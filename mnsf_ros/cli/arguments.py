@@ -94,9 +94,8 @@ class Arguments:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(
             "--preset",
-            "settings to start from, except for online and neural, which have their own: paper is "
-            "the method as published, authors its released code, neural the same live, online the "
-            "default of the live node",
+            "settings to start from, except for online, which has its own: paper is the method as "
+            "published, authors its released code, online the default of the live node",
             default=default,
             choices=PRESET_NAMES,
         )

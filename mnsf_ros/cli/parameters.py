@@ -9,7 +9,6 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 _MEANINGS = {
     "online": "The default: ego motion plus one rigid motion per object.",
-    "neural": "The paper's method live: small fields, only where something may move.",
     "paper": "MNSF as published, every estimate from scratch: slow, for comparison.",
     "authors": "MNSF as in its authors' released code, where that differs from the paper.",
 }

@@ -30,7 +30,6 @@ from mnsf_ros.errors import (
     one_line,
 )
 from mnsf_ros.methods.external_flow import CommandEstimator, PredictionFiles
-from mnsf_ros.methods.neural_estimator import NeuralEstimator
 from mnsf_ros.methods.references import ReferenceEstimator, ego_flow, estimated_ego_flow, zero_flow
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for, variant_of
@@ -91,7 +90,6 @@ _NETWORKS: Final[dict[str, MethodMaker]] = {
 # A new method is one line here or above; docs/extending.md has the recipe.
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,
-    "neural": NeuralEstimator,
     "zero": partial(ReferenceEstimator, zero_flow, MethodTraits()),
     "ego": partial(ReferenceEstimator, ego_flow, MethodTraits(needs_poses=True)),
     "ego-estimated": partial(

@@ -14,7 +14,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 NETWORKS = ("flot", "3dflow", "gmsf", "scoop")
 OPTIMIZING = [name for name in method_names() if name not in ("zero", "ego", *NETWORKS)]
-REGISTERING = ("online", "neural", "ego-estimated")
+REGISTERING = ("online", "ego-estimated")
 COLD = ["nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time", "mnsf-cycle"]
 TWO_SWEEPS = [
     *("ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "mnsf-no-backward"),

@@ -93,11 +93,11 @@ def test_every_method_describes_itself(name, monkeypatch):
     assert traits.is_reference == (name in ("zero", "ego", "ego-estimated"))
     assert traits.needs_poses == (name == "ego")
     assert traits.is_external == (name in ("flot", "3dflow", "gmsf", "scoop", "command:true"))
-    assert traits.carries_state == (name in ("online", "neural", "ego-estimated"))
+    assert traits.carries_state == (name in ("online", "ego-estimated"))
     assert traits.is_timed
     changed = settings.changed({"compute.seed": 3, "fusion.kind": "weighted_sum"})
     again = estimator.with_settings(changed)
-    if name not in ("online", "neural"):
+    if name != "online":
         assert again.settings == make_method(name, changed).settings
     assert again.traits == traits
 
@@ -118,7 +118,7 @@ def test_online_is_what_the_robot_runs_under_any_preset(preset_name):
 def test_unknown_name(name):
     with pytest.raises(
         SettingsError,
-        match=rf"{name!r}.*; there are online, neural, zero, ego, ego-estimated, nsfp",
+        match=rf"{name!r}.*; there are online, zero, ego, ego-estimated, nsfp",
     ):
         make_method(name, PAPER)
     with pytest.raises(SettingsError, match="did you mean mnsf-frames"):
