@@ -1,12 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The flow field g(p; theta) of an object: a linear head on an encoding of the position.
+"""The flow of objects that turn: a linear head on an encoding of the position.
 
 The encoding of a point of an object is a constant, and its horizontal offset from the middle of
-the object: the flow may turn, stretch and shear with the object. The head of each object is
-fitted to a target sweep by Gauss-Newton steps: some milliseconds where a perceptron takes seconds.
+the object. Gauss-Newton steps fit the head of each object to a target sweep. That fit may turn,
+stretch and shear an object; `turning` keeps its horizontal motion and its turn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -44,33 +44,26 @@ def turns_of(heads: Heads) -> NDArray[np.float64]:
 
 
 class EncodedPoints:
-    """Points of objects, encoded.
-
-    Attributes:
-        objects: K objects.
-    """
+    """Points of objects, encoded, to fit heads to targets."""
 
     def __init__(
-        self,
-        objects: ObjectPoints,
-        centers: NDArray[np.float32],
-        steps: Mapping[Target, NDArray[np.float32]],
+        self, objects: ObjectPoints, motions: NDArray[np.float32], targets: Sequence[Target]
     ) -> None:
         """Encodes the points.
 
         Args:
             objects: K objects.
-            centers: (K, 3) metres, their middles.
-            steps: Target to its `steps_of` the objects.
+            motions: (K, 3) metres to the next sweep, for the times at which targets measure them.
+            targets: The sweeps that heads are fitted to.
         """
-        self.objects = objects
-        self._steps = steps
-        self._encoding = encoded(objects.positions - centers[objects.owners])
+        self._objects = objects
+        self._steps = {target: target.steps_of(objects, motions) for target in targets}
+        self._encoding = encoded(objects.positions - objects.centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
         """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
-        objects = self.objects
+        objects = self._objects
         moved = self._flow(self._steps[target][:, :, None] * heads)
         points, each, transform = objects.positions, self._each, target.from_current
         distances, _, _ = target.sweep.grid.compared(
@@ -87,7 +80,7 @@ class EncodedPoints:
             target: The target sweep S.
             start: The heads to start from.
         """
-        objects = self.objects
+        objects = self._objects
         steps = self._steps[target][:, :, None]
         start = steps * start
         begin = flow = self._flow(start)
@@ -111,7 +104,7 @@ class EncodedPoints:
 
     def _flow(self, heads: Heads) -> NDArray[np.float32]:
         """Returns (P, 3) metres, the flow of the points."""
-        return headed(self._encoding, self.objects.owners, heads)
+        return headed(self._encoding, self._objects.owners, heads)
 
 
 def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -188,8 +181,7 @@ def turning(
     """
     things = movers.joined(groups)
     straight = whole(motions)
-    steps = {target: target.steps_of(things, motions) for target in targets.near}
-    points = EncodedPoints(things, things.centers, steps)
+    points = EncodedPoints(things, motions, targets.near)
     start = whole(motions, turns)
     bent = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
     stiff = whole(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
