@@ -6,7 +6,7 @@ the number of points, not the box around them. All is done by tensor operations,
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import torch
@@ -67,15 +67,13 @@ class BrickDistance:
         origin = points.new_tensor([node * cell_size_m for node in first], dtype=torch.float64)
         nodes = ((points.double() - origin) / cell_size_m).round().long() + margin
         self._origin = origin - margin * cell_size_m
-        bricks = _Bricks.of_nodes(nodes, far)
+        bricks = _Bricks.of_nodes(nodes, far, max_cells // _NODES**3)
+        # After a pass along each axis, the axes of a brick are x, y, z again.
         for step in _STEPS:
-            bricks = bricks.spread(step, max_cells // _NODES**3)
+            bricks = bricks.spread(step)
         self._bricks = bricks
-        # After three passes the axes of a brick are x, y, z again.
-        corner = torch.tensor([0, 1], device=points.device)
-        self._corners = (
-            corner[:, None, None] * _PLANE + corner[:, None] * _NODES + corner
-        )  # [2, 2, 2]
+        corners = [[[x + y + z for z in (0, 1)] for y in (0, _NODES)] for x in (0, _PLANE)]
+        self._corners = torch.tensor(corners, device=points.device)
 
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
         """(M, 3) metres to (M,) metres, differentiable; the reach where there is no brick."""
@@ -106,32 +104,40 @@ class _Bricks:
     Attributes:
         keys: (B,) int64, ascending, see `_key`. The first one, -1, is of an empty brick.
         squares: (B, 16, 16, 16), at most `far`. The first axis is that of the next pass.
-        far: What is farther than it matters.
+        far: The largest square; farther nodes do not matter.
+        max_bricks: Maximum number of bricks.
     """
 
     keys: torch.Tensor
     squares: torch.Tensor
     far: int
+    max_bricks: int
 
     @classmethod
-    def of_nodes(cls, nodes: torch.Tensor, far: int) -> "_Bricks":
-        """The bricks that have target nodes, (N, 3), inside."""
+    def of_nodes(cls, nodes: torch.Tensor, far: int, max_bricks: int) -> "_Bricks":
+        """The bricks that have target nodes, (N, 3), inside.
+
+        Raises:
+            BrickLimitError: There are too many, or the ball around one node has too many.
+        """
+        _check_number(4 * math.isqrt(far) ** 3 // _NODES**3, max_bricks)
         bricks = nodes.div(_CELLS, rounding_mode="trunc")
         x, y, z = (nodes - _CELLS * bricks).unbind(dim=1)
         keys, rows = _key(bricks).unique(return_inverse=True)
+        _check_number(len(keys), max_bricks)
         # A pass adds two squares; 127 cells are within reach of an int16.
         dtype = torch.int16 if 2 * far < torch.iinfo(torch.int16).max else torch.int32
         shape = (len(keys) + 1, _NODES, _NODES, _NODES)
         squares = torch.full(shape, far, dtype=dtype, device=nodes.device)
         squares[rows + 1, x, y, z] = 0
-        return cls(torch.cat([keys.new_tensor([-1]), keys]), squares, far)
+        return cls(torch.cat([keys.new_tensor([-1]), keys]), squares, far, max_bricks)
 
     def rows(self, keys: torch.Tensor) -> torch.Tensor:
         """Rows of the bricks with these keys; 0, the empty brick, for those that do not exist."""
         rows = torch.searchsorted(self.keys, keys).clamp_(max=len(self.keys) - 1)
         return torch.where(self.keys[rows] == keys, rows, 0)
 
-    def spread(self, step: int, max_bricks: int) -> "_Bricks":
+    def spread(self, step: int) -> "_Bricks":
         """One pass: the minimum of square plus squared offset, along the first axis.
 
         The last node of a brick along this axis, unknown before, is known afterwards. The axis
@@ -139,25 +145,26 @@ class _Bricks:
 
         Args:
             step: From the key of a brick to the key of the next one along the axis.
-            max_bricks: Of the result.
+
+        Raises:
+            BrickLimitError: There would be too many bricks.
         """
         width = math.isqrt(self.far - 1)
         num_beside = -(-width // _CELLS)
         beside = torch.arange(-num_beside, num_beside + 1, device=self.keys.device)
         keys = self._reached(beside, step)
-        if len(keys) > max_bricks:
-            raise BrickLimitError(f"{len(keys)} bricks, expected at most {max_bricks}")
+        _check_number(len(keys), self.max_bricks)
         neighbours = self.rows(keys[:, None] + step * beside)  # [B, K]
         places = torch.arange(-width, _NODES + width, device=self.keys.device)
         brick = places.div(_CELLS, rounding_mode="floor")
-        slices = neighbours[:, brick + num_beside] * _NODES + places - _CELLS * brick  # [B, P]
         squares = self.squares.new_empty((len(keys), _NODES, _NODES, _NODES))
         batch = _batch_size(squares.device)
-        for source, result in zip(slices.split(batch), squares.split(batch), strict=True):
-            lines = self.squares.view(-1, _PLANE).index_select(0, source.view(-1))
-            lowest = _lowest(lines.view(*source.shape, _PLANE), width)
+        for rows, result in zip(neighbours.split(batch), squares.split(batch), strict=True):
+            slices = rows[:, brick + num_beside] * _NODES + places - _CELLS * brick  # [B, P]
+            lines = self.squares.view(-1, _PLANE).index_select(0, slices.view(-1))
+            lowest = _lowest(lines.view(*slices.shape, _PLANE), width)
             result.copy_(lowest.view(result.shape).permute(0, 2, 3, 1))
-        return _Bricks(keys, squares, self.far)
+        return replace(self, keys=keys, squares=squares)
 
     def _reached(self, beside: torch.Tensor, step: int) -> torch.Tensor:
         """Keys of the bricks with a node that is nearer than `far` after a pass."""
@@ -186,6 +193,11 @@ def _key(bricks: torch.Tensor) -> torch.Tensor:
     """One number for each brick, from its numbers along x, y, z: (N, 3) to (N,)."""
     x, y, z = bricks.unbind(dim=1)
     return x * _STEPS[0] + y * _STEPS[1] + z * _STEPS[2]
+
+
+def _check_number(number: int, max_bricks: int) -> None:
+    if number > max_bricks:
+        raise BrickLimitError(f"{number:,} bricks, expected at most {max_bricks:,}")
 
 
 def _batch_size(device: torch.device) -> int:
