@@ -27,8 +27,8 @@ _STEPS: Final = (1 << 2 * _AXIS_BITS, 1 << _AXIS_BITS, 1)
 # Nodes of points are at most so far from the origin: float32 resolves half a cell there.
 _MAX_NODE: Final = 2**23
 
-# Bricks of one batch: what a batch reads and writes (50 kB a brick) stays in the cache, of a core
-# or of a GPU.
+# Bricks of one batch. What a batch of 32 reads and writes stays in the cache of a core, 50 kB for
+# each; on CUDA it is enough for all multiprocessors.
 _BATCH_OF_CORE: Final = 32
 _BATCH_ON_CUDA: Final = 2048
 
@@ -125,7 +125,7 @@ class _Bricks:
         x, y, z = (nodes - _CELLS * bricks).unbind(dim=1)
         keys, rows = _key(bricks).unique(return_inverse=True)
         _check_number(len(keys), max_bricks)
-        # A pass adds two squares; 127 cells are within reach of an int16.
+        # A pass adds two squares: up to 127 cells, int16 holds the sum.
         dtype = torch.int16 if 2 * far < torch.iinfo(torch.int16).max else torch.int32
         shape = (len(keys) + 1, _NODES, _NODES, _NODES)
         squares = torch.full(shape, far, dtype=dtype, device=nodes.device)
@@ -150,7 +150,7 @@ class _Bricks:
             BrickLimitError: There would be too many bricks.
         """
         width = math.isqrt(self.far - 1)
-        num_beside = -(-width // _CELLS)
+        num_beside = width // _CELLS + 1  # the last node needs one more than the first one
         beside = torch.arange(-num_beside, num_beside + 1, device=self.keys.device)
         keys = self._reached(beside, step)
         _check_number(len(keys), self.max_bricks)
@@ -172,7 +172,7 @@ class _Bricks:
         own = torch.arange(_CELLS, device=beside.device)
         first = _CELLS * beside[:, None]
         gaps = torch.maximum(first - own, own - first - _CELLS).clamp_(min=0)  # [K, 15]
-        is_reached = (lows[:, None] + gaps.square()).amin(dim=2) < self.far  # [B, K]
+        is_reached = (lows[:, None] + gaps.int().square()).amin(dim=2) < self.far  # [B, K]
         keys = self.keys[:, None] + step * beside
         return torch.where(is_reached, keys, -1).unique()
 

@@ -70,11 +70,7 @@ def test_a_change_applies_from_the_next_triplet_on(peer, drive):
         ("crop.max_range_m", "far", r"crop\.max_range_m: got 'far', expected a number"),
         ("crop.min_range_m", 90.0, r"got 90\.0, expected less than crop\.max_range_m, which is 80"),
         (ITERATIONS, 2.5, r"got 2\.5, expected a whole number"),
-        (
-            "distance.kind",
-            "octree",
-            r"distance\.kind: got 'octree', expected one of grid, bricks, tree",
-        ),
+        ("distance.kind", "octree", r"^distance\.kind: got 'octree', expected one of grid, bri"),
         ("warm_start.enabled", 1, r"warm_start\.enabled: got 1, expected true or false"),
         ("distance.kind", NOTHING, r"^distance\.kind: got None"),
         ("crop.max_range_m", "é\n" * 1000, r"^crop\.max_range_m: got 'é"),
