@@ -1,15 +1,17 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Time and memory of the networks on CUDA.
+"""Time and memory of the networks on CUDA, and time of the distance to a sweep.
 
     python benchmarks/networks_on_cuda.py [--document FILE] [--sweeps N] [--device cuda]
 
 Sweeps are those of KITTI 0005 if the shared data is there (see drives.py), else those of a
-simulated street. Without CUDA nothing is measured; `--device cpu` tries the script itself.
+simulated street. Without CUDA nothing is measured; `--device cpu --sweeps 0` measures the distance
+on the CPU.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,21 +19,36 @@ import torch
 from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
 
+from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.kept_points import crop_mask, fit_mask
+from mnsf_ros.sweeps.sweep import Sweep
 
 # Estimates before the clock counts: the first ones load kernels.
 _NUM_WARM_UP: Final = 2
 _MAX_P95_MS: Final = 150.0
 # Rows: PRESET/METHOD; the first has the target.
-ROWS: Final = ("paper/mnsf", "paper/mnsf+compute.cuda_graphs=false", "authors/mnsf", "paper/nsfp")
+ROWS: Final = (
+    "paper/mnsf",
+    "paper/mnsf+distance.kind=bricks+distance.truncation_m=2",
+    "paper/mnsf+compute.cuda_graphs=false",
+    "authors/mnsf",
+    "paper/nsfp",
+)
+# Time of bricks over that of the grid, which edt makes, for a whole sweep on one core.
+_MAX_RATIO: Final = 0.3
+# Every so many sweeps is a target; the least time of three counts.
+_TARGET_EVERY: Final = 8
+_NUM_REPETITIONS: Final = 3
+_NUM_POSITIONS: Final = (1024, 30_000)
 
 
 def main() -> None:
-    """Measures everything, prints the table, and writes it into a document."""
+    """Measures everything, prints the tables, and writes them into a document."""
     parser = make_parser(__doc__)
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
-    parser.add_argument("--sweeps", type=int, default=100, help="estimates of each row")
+    parser.add_argument("--sweeps", type=int, default=100, help="estimates of each row; 0: no rows")
     options = parser.parse_args()
     if options.device == "cuda" and not torch.cuda.is_available():
         print("torch finds no usable CUDA device: nothing is measured")
@@ -41,14 +58,74 @@ def main() -> None:
         replace(item, sweep=replace(item.sweep, times_s=None))
         for item in real_sweeps("kitti_0005") or simulated_sweeps(0, 24)
     ]
-    device = torch.cuda.get_device_name() if options.device == "cuda" else "CPU"
-    title = f"{device}, torch {torch.__version__}, {len(sweeps[0].sweep):,} points a sweep"
-    measured = {name: _measured(name, sweeps, options.device, options.sweeps) for name in ROWS}
-    rows = [[name, *(f"{value:.1f}" for value in values)] for name, values in measured.items()]
-    target = Target(f"p95 (ms): {ROWS[0]}", _MAX_P95_MS, measured[ROWS[0]][1])
-    header = ("preset/method", "median (ms)", "p95 (ms)", "memory (MB)")
-    tables = [Table(title, header, rows), Table("Target", TARGET_HEADER, [target.row()])]
-    publish("cuda", tables, options.document)
+    publish("cuda", _tables(sweeps, options.device, options.sweeps), options.document)
+
+
+def _tables(sweeps: Sequence[TrueSweep], device: str, number: int) -> Iterator[Table]:
+    distances = _distances(sweeps, device)
+    positions = [f"{count:,} positions (ms)" for count in _NUM_POSITIONS]
+    header = ("distance", "whole sweep (ms)", "without ground (ms)", *positions)
+    yield Table("Built, and looked up with its gradient", header, _rows(distances))
+    ratio = distances["bricks, one core"][0] / distances["grid, one core"][0]
+    targets = [Target("bricks over grid, whole sweep, one core", _MAX_RATIO, ratio)]
+    if number:
+        measured = {name: _measured(name, sweeps, device, number) for name in ROWS}
+        header = ("preset/method", "median (ms)", "p95 (ms)", "memory (MB)")
+        name = torch.cuda.get_device_name() if device == "cuda" else "CPU"
+        title = f"{name}, torch {torch.__version__}, {len(sweeps[0].sweep):,} points a sweep"
+        yield Table(title, header, _rows(measured))
+        targets.append(Target(f"p95 (ms): {ROWS[0]}", _MAX_P95_MS, measured[ROWS[0]][1]))
+    yield Table("Target", TARGET_HEADER, [target.row() for target in targets])
+
+
+def _rows(values: Mapping[str, Sequence[float]]) -> list[list[str]]:
+    return [[name, *(f"{value:.1f}" for value in own)] for name, own in values.items()]
+
+
+def _distances(sweeps: Sequence[TrueSweep], device: str) -> dict[str, Sequence[float]]:
+    """Mean times (ms) of each kind of distance: on one core, then on CUDA."""
+    num_threads, first = torch.get_num_threads(), sweeps[0].sweep
+    positions = torch.from_numpy(first.xyz[fit_mask(first, preset("paper"))])
+    chosen = torch.linspace(0, len(positions) - 1, max(_NUM_POSITIONS)).long()
+    rows = {}
+    for place in dict.fromkeys(("cpu", device)):
+        torch.set_num_threads(1 if place == "cpu" else num_threads)
+        some = positions[chosen].to(place)
+        for kind in ("grid", "bricks", "tree"):
+            times_ms = [_distance_ms(kind, item.sweep, some) for item in sweeps[1::_TARGET_EVERY]]
+            name = f"{kind}, {'one core' if place == 'cpu' else place}"
+            rows[name] = np.mean(times_ms, axis=0).tolist()
+    torch.set_num_threads(num_threads)
+    return rows
+
+
+def _distance_ms(kind: str, target: Sweep, positions: torch.Tensor) -> list[float]:
+    """Times (ms) to build the distance to a sweep, whole and without ground, and to look it up."""
+    changes = {"kind": kind, "truncation_m": 2.0, "max_cells": 2_000_000_000}
+    settings = preset("paper").changed({f"distance.{key}": changes[key] for key in changes})
+    masks = crop_mask(target.xyz, settings.crop), fit_mask(target, settings)
+    points = [torch.from_numpy(target.xyz[mask]).to(positions.device) for mask in masks]
+    builds = [partial(TargetDistance.to_points, each, settings.distance) for each in points]
+    distance = builds[1]()
+
+    def look_up(count: int) -> None:
+        some = positions[:: len(positions) // count][:count].requires_grad_()
+        torch.autograd.grad(distance.mean(some), some)
+
+    calls = [*builds, *(partial(look_up, count) for count in _NUM_POSITIONS)]
+    return [_least_ms(call, positions.is_cuda) for call in calls]
+
+
+def _least_ms(call: Callable[[], object], is_on_cuda: bool) -> float:
+    """CPU time (ms) of a call, on CUDA its wall time."""
+    clock, times_ms = time.perf_counter if is_on_cuda else time.process_time, []
+    for _ in range(_NUM_REPETITIONS):
+        start = clock()
+        call()
+        if is_on_cuda:
+            torch.cuda.synchronize()
+        times_ms.append(1e3 * (clock() - start))
+    return min(times_ms)
 
 
 def _measured(name: str, sweeps: Sequence[TrueSweep], device: str, number: int) -> list[float]:

@@ -230,12 +230,17 @@ class DistanceSettings:
 
     kind: str = declared(
         "tree",
-        "grid: distance transform, as in the paper; tree: exact, faster on a CPU for few points",
-        choices=("grid", "tree"),
+        "grid: distance transform, as in the paper; bricks: the same up to distance.truncation_m, "
+        "in less time; tree: exact, faster on a CPU for few points",
+        choices=("grid", "bricks", "tree"),
     )
     cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = declared(
-        250_000_000, "Maximum grid cells of 4 bytes; else the tree is used", 1000, 2_000_000_000
+        250_000_000,
+        "Maximum cells, 4 bytes each in a grid, 2 in bricks. Beyond, bricks replace a truncated "
+        "grid, and the tree anything else",
+        1000,
+        2_000_000_000,
     )
     truncation_m: float = declared(
         2.0, "Larger distances count as this value, against outliers; 0: unlimited", 0, 1000
@@ -517,6 +522,11 @@ class Settings:
                     f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
                     f"which is {larger!r}"
                 )
+        if self.distance.kind == "bricks" and not self.distance.truncation_m:
+            raise SettingsError(
+                "distance.kind: got 'bricks' with distance.truncation_m 0, expected a truncation: "
+                "set one above 0, or use grid or tree"
+            )
 
 
 @cache

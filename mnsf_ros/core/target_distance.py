@@ -1,22 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """D(p, S): the distance of positions to a target sweep, by a distance transform or a search.
 
-Section 2 of the paper, after FNSF. The distance transform is a grid of distances, built once and
-looked up everywhere, exact (Euclidean) at the grid nodes up to the rounding of points to nodes.
+Section 2 of the paper, after FNSF. The distance transform is a grid, or bricks of one.
 """
 
 import math
+from contextlib import suppress
+from typing import TypeAlias
 
-import edt
-import numpy as np
 import torch
 from scipy.spatial import cKDTree
-from torch.nn import functional
 
-from mnsf_ros.core.compute_device import on_device
+from mnsf_ros.core.brick_distance import BrickDistance, BrickLimitError
+from mnsf_ros.core.distance_transform import DistanceTransform, nodes_around
 from mnsf_ros.settings import DistanceSettings
-
-_PADDING_CELLS = 2
 
 # Pairs of a CUDA search that are in memory at once: 512 MiB of float64.
 _MAX_PAIRS = 64 * 1024 * 1024
@@ -25,9 +22,7 @@ _MAX_PAIRS = 64 * 1024 * 1024
 class TargetDistance:
     """Distance to a target sweep, differentiable in the positions."""
 
-    def __init__(
-        self, lookup: "DistanceTransform | NearestNeighborDistance", truncation_m: float = 0.0
-    ) -> None:
+    def __init__(self, lookup: "Lookup", truncation_m: float = 0.0) -> None:
         self._lookup = lookup
         self._truncation_m = truncation_m
 
@@ -36,22 +31,18 @@ class TargetDistance:
         """Builds the distance to a sweep as the settings ask.
 
         A grid that would be too large for memory, as one stray point far away makes it, is
+        replaced by bricks if the distance is truncated. What is too large for these, too, is
         replaced by the tree, which costs the same for any extent.
 
         Args:
             points: (N, 3) float32, metres, the target sweep.
             settings: Kind, cell size, the largest grid allowed, the truncation.
         """
-        if settings.kind == "grid":
-            _, shape = nodes_around(points, settings.cell_size_m)
-            if math.prod(shape) <= settings.max_cells:
-                grid = DistanceTransform(points, settings.cell_size_m)
-                return cls(grid, settings.truncation_m)
-        return cls(NearestNeighborDistance(points), settings.truncation_m)
+        return cls(_lookup_to(points, settings), settings.truncation_m)
 
     @property
     def kind(self) -> str:
-        """`grid` or `tree`."""
+        """`grid`, `bricks` or `tree`."""
         return self._lookup.kind
 
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
@@ -62,6 +53,18 @@ class TargetDistance:
     def mean(self, positions: torch.Tensor) -> torch.Tensor:
         """The loss of the paper: mean distance of the moved points to the sweep, metres."""
         return self(positions).mean()
+
+
+def _lookup_to(points: torch.Tensor, settings: DistanceSettings) -> "Lookup":
+    cell_size_m, reach_m = settings.cell_size_m, settings.truncation_m
+    if settings.kind == "grid":
+        _, shape = nodes_around(points, cell_size_m)
+        if math.prod(shape) <= settings.max_cells:
+            return DistanceTransform(points, cell_size_m)
+    if settings.kind != "tree" and reach_m:
+        with suppress(BrickLimitError):
+            return BrickDistance(points, cell_size_m, reach_m, settings.max_cells)
+    return NearestNeighborDistance(points)
 
 
 class NearestNeighborDistance:
@@ -97,61 +100,4 @@ class NearestNeighborDistance:
         )
 
 
-def nodes_around(
-    points: torch.Tensor, cell_size_m: float
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Returns the numbers of the first node and of all nodes along x, y, z around (N, 3) points."""
-    low = points.min(dim=0).values.double().tolist()
-    high = points.max(dim=0).values.double().tolist()
-    first = tuple(math.floor(value / cell_size_m) - _PADDING_CELLS for value in low)
-    last = (math.ceil(value / cell_size_m) + _PADDING_CELLS for value in high)
-    return first, tuple(b - a + 1 for a, b in zip(first, last, strict=True))
-
-
-class DistanceTransform:
-    """Distances to a sweep on a grid, interpolated trilinearly between the nodes.
-
-    Attributes:
-        distances: (nx, ny, nz) float32, metres, those of the nodes, on the device of the points.
-        low: (3,) metres, the first node.
-        high: (3,) metres, the last node.
-    """
-
-    kind = "grid"
-
-    def __init__(self, points: torch.Tensor, cell_size_m: float) -> None:
-        """Builds the transform to (N, 3) points, metres, with torch's threads."""
-        first, shape = nodes_around(points, cell_size_m)
-        origin = np.array([node * cell_size_m for node in first])
-        nodes = np.rint((points.cpu().numpy() - origin) / cell_size_m).astype(np.int64)
-        is_free = np.ones(shape, dtype=np.uint8)
-        is_free[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
-        threads = torch.get_num_threads()
-        distances = edt.edt(is_free, anisotropy=(cell_size_m,) * 3, parallel=threads)
-        self.distances = on_device(distances, points.device)
-        self.low = self.distances.new_tensor(origin.tolist())
-        self.high = self.low + (self.distances.new_tensor(shape) - 1) * cell_size_m
-
-    def __call__(self, positions: torch.Tensor) -> torch.Tensor:
-        """Distance of positions to the sweep.
-
-        Outside the grid it is the distance to the grid plus the value at its border: never less
-        than the true distance, up to the rounding to cells, and still pulling back inside.
-
-        Args:
-            positions: (M, 3) metres.
-
-        Returns:
-            (M,) metres, differentiable.
-        """
-        inside = torch.minimum(torch.maximum(positions, self.low), self.high)
-        unit = 2 * (inside - self.low) / (self.high - self.low) - 1  # [M, 3] in -1..1
-        looked_up = functional.grid_sample(
-            self.distances[None, None],
-            unit.flip(1)[None, None, None],  # grid_sample wants the last axis first
-            mode="bilinear",
-            padding_mode="border",
-            align_corners=True,
-        ).view(-1)
-        beyond: torch.Tensor = torch.linalg.vector_norm(positions - inside, dim=1)
-        return looked_up + beyond
+Lookup: TypeAlias = DistanceTransform | BrickDistance | NearestNeighborDistance

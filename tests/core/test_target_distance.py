@@ -1,20 +1,18 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""D(p, S) against brute force: the distance transform, the search, and the choice between them."""
+"""D(p, S) against brute force: the distance transforms, the search, the choice between them."""
 
 import math
 
 import pytest
 import torch
 
-from mnsf_ros.core.target_distance import (
-    DistanceTransform,
-    NearestNeighborDistance,
-    TargetDistance,
-    nodes_around,
-)
+from mnsf_ros.core.brick_distance import BrickDistance
+from mnsf_ros.core.distance_transform import DistanceTransform, nodes_around
+from mnsf_ros.core.target_distance import NearestNeighborDistance, TargetDistance
 from mnsf_ros.settings import Settings
 
 CELL_M = 0.5
+REACH_M = 2.0
 
 
 def distance_to(points, **changes):
@@ -24,6 +22,24 @@ def distance_to(points, **changes):
 
 def transform(points, cell_size_m=CELL_M):
     return DistanceTransform(points, cell_size_m)
+
+
+def in_bricks(points, cell_size_m=CELL_M, reach_m=REACH_M):
+    return BrickDistance(points, cell_size_m, reach_m, max_cells=50_000_000)
+
+
+def nodes_of_grid(points, cell_size_m):
+    """The nodes around points, (nx ny nz, 3) float64 metres."""
+    axes = [
+        cell_size_m * torch.arange(first, first + count, dtype=torch.float64)
+        for first, count in zip(*nodes_around(points, cell_size_m), strict=True)
+    ]
+    return torch.cartesian_prod(*axes).to(points.device)
+
+
+def pull_of(target, positions):
+    positions = positions.clone().requires_grad_()
+    return torch.autograd.grad(target(positions).sum(), positions)[0]
 
 
 def brute_force(positions, points):
@@ -46,11 +62,7 @@ def anywhere(points, generator, beyond):
 @pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
 def test_exact_at_the_nodes(generator, device, cell_size_m):
     points = cell_size_m * torch.randint(-12, 13, (40, 3), generator=generator).to(device)
-    axes = [
-        cell_size_m * torch.arange(first, first + count)
-        for first, count in zip(*nodes_around(points, cell_size_m), strict=True)
-    ]
-    nodes = torch.cartesian_prod(*axes).to(device)
+    nodes = nodes_of_grid(points, cell_size_m).float()
     distances = transform(points, cell_size_m)(nodes)
     torch.testing.assert_close(distances, brute_force(nodes, points), atol=1e-4, rtol=1e-4)
     assert distances.max() > 4 * cell_size_m
@@ -87,6 +99,60 @@ def test_outside_it_is_not_too_small_and_pulls_back(points, generator, beyond):
         assert (distances(closer) < distances(positions)).all()
 
 
+# At 900 m float32 has 6e-5 m between numbers. With 1.35 m distances spread just one brick far.
+@pytest.mark.parametrize("offset", [0.0, 900.0])
+@pytest.mark.parametrize(("cell_size_m", "reach_m"), [(0.1, 2.0), (0.1, 1.35), (0.5, 2.0)])
+def test_bricks_are_the_grid_up_to_their_reach(points, generator, cell_size_m, reach_m, offset):
+    points = points + offset
+    grid, bricks = transform(points, cell_size_m), in_bricks(points, cell_size_m, reach_m)
+    expected = grid.distances.view(-1).clamp(max=reach_m)
+    at_nodes = bricks(nodes_of_grid(points, cell_size_m))
+    torch.testing.assert_close(at_nodes, expected, atol=1e-5, rtol=0)
+    assert (expected < reach_m).sum() > 1000
+    assert (expected == reach_m).any()
+    positions = anywhere(points, generator, beyond=0.0)
+    clamped = TargetDistance(grid, reach_m)
+    far_off = {"atol": 5e-4 if offset else 2e-5, "rtol": 0}
+    torch.testing.assert_close(bricks(positions), clamped(positions), **far_off)
+    pull = pull_of(bricks, positions)
+    assert ((pull - pull_of(clamped, positions)).abs().amax(dim=1) > 0.01).float().mean() < 0.01
+    outside = anywhere(points, generator, beyond=4 * reach_m)
+    expected = brute_force(outside, points).clamp(max=reach_m)
+    torch.testing.assert_close(bricks(outside), expected, atol=2.6 * cell_size_m, rtol=0)
+
+
+@pytest.mark.slow
+def test_bricks_of_a_long_reach(generator, device):
+    # More than 127 cells: squares are no int16.
+    bricks = in_bricks(torch.zeros(1, 3, device=device), 0.1, reach_m=13.0)
+    nodes = 0.1 * torch.randint(-150, 151, (2000, 3), generator=generator).double().to(device)
+    expected = nodes.norm(dim=1).clamp(max=13.0).float()
+    torch.testing.assert_close(bricks(nodes), expected, atol=1e-5, rtol=0)
+
+
+def test_bricks_are_the_same_with_any_number_of_threads(points, generator):
+    positions = anywhere(points, generator, beyond=1.0)
+    num_threads, results = torch.get_num_threads(), []
+    try:
+        for number in (1, 2):
+            torch.set_num_threads(number)
+            bricks = in_bricks(points, 0.1)
+            results.append((bricks(positions), pull_of(bricks, positions)))
+    finally:
+        torch.set_num_threads(num_threads)
+    torch.testing.assert_close(*results, atol=0, rtol=0)
+
+
+def test_stray_points_cost_the_bricks_around_them(points):
+    strays = 1e4 * points.new_tensor([[1.0, 1.0, 0.0], [-1.0, 0.0, 0.5], [0.0, 0.0, -1.0]])
+    # Ten cells and the nodes around them are in at most 4 bricks along each axis.
+    both = torch.cat([points, strays])
+    bricks = BrickDistance(both, 0.1, 1.0, max_cells=16**3 * (7**3 + 3 * 4**3))
+    assert bricks(both).max() < math.sqrt(3) * 0.1
+    near = strays + points.new_tensor([0.5, 0.0, 0.0])
+    torch.testing.assert_close(bricks(near), brute_force(near, strays), atol=0.1, rtol=0)
+
+
 def test_search_is_the_same_as_brute_force(points, generator):
     positions = anywhere(points, generator, beyond=5.0).requires_grad_()
     distances = NearestNeighborDistance(points)(positions)
@@ -96,33 +162,45 @@ def test_search_is_the_same_as_brute_force(points, generator):
     assert brute_force(landed, points).max() < 1e-4
 
 
-@pytest.mark.parametrize("lookup", [transform, NearestNeighborDistance])
-def test_positions_that_are_points_far_away_or_no_numbers(points, lookup):
+@pytest.mark.parametrize(
+    ("lookup", "most"),
+    [(transform, math.inf), (NearestNeighborDistance, math.inf), (in_bricks, REACH_M)],
+)
+def test_positions_that_are_points_far_away_or_no_numbers(points, lookup, most):
     target = lookup(points)
     far = points.new_tensor([[1e7, 0.0, -1e7], [1e20, 0.0, -1e20]])
     positions = torch.cat([points, far]).requires_grad_()
     distances = target(positions)
     distances.sum().backward()
     assert distances[: len(points)].max() < math.sqrt(3) * CELL_M
-    assert (distances[len(points) :] >= far[:, 0]).all()
+    assert (distances[len(points) :] >= far[:, 0].clamp(max=most)).all()
     assert positions.grad.isfinite().all()
     for bad in (math.nan, math.inf):
         assert not target(points.new_tensor([[bad, 0.0, 0.0]])).isfinite().any()
 
 
-def test_setting_chooses_the_kind_but_a_grid_that_is_too_large_is_replaced(points):
-    assert distance_to(points, kind="tree").kind == "tree"
+def test_setting_chooses_the_kind_but_what_is_too_large_is_replaced(points, generator):
+    for kind in ("grid", "bricks", "tree"):
+        assert distance_to(points, kind=kind).kind == kind
     num_cells = math.prod(nodes_around(points, 0.1)[1])
     assert distance_to(points, kind="grid", max_cells=num_cells).kind == "grid"
-    assert distance_to(points, kind="grid", max_cells=num_cells - 1).kind == "tree"
+    few = {"kind": "grid", "max_cells": num_cells - 1}
+    assert distance_to(points, **few, truncation_m=0).kind == "tree"
+    assert distance_to(points, **few).kind == "tree"
     # With 10 cells per metre and 10 m of height, 10 km need 10^9 cells and more.
-    for far in (1e4, 1e20):
-        target = distance_to(torch.cat([points, points.new_tensor([[far, far, 0.0]])]), kind="grid")
-        assert target.kind == "tree"
-        assert target(points).max() < 1e-6
+    for far, replacement in ((1e4, "bricks"), (1e20, "tree")):
+        both = torch.cat([points, points.new_tensor([[far, far, 0.0]])])
+        target = distance_to(both, kind="grid")
+        assert target.kind == replacement
+        assert target(points).max() < math.sqrt(3) * 0.1
+        assert distance_to(both, kind="grid", truncation_m=0).kind == "tree"
+    # Points so far apart that each has bricks of its own, and a reach of very many cells.
+    scattered = 1e5 * torch.rand(50_000, 3, generator=generator).to(points.device)
+    assert distance_to(scattered, kind="bricks").kind == "tree"
+    assert distance_to(points, kind="bricks", truncation_m=1000, cell_size_m=0.01).kind == "tree"
 
 
-@pytest.mark.parametrize("kind", ["grid", "tree"])
+@pytest.mark.parametrize("kind", ["grid", "bricks", "tree"])
 def test_truncation(device, kind):
     origin = torch.zeros(1, 3, device=device)
     target = distance_to(origin, kind=kind, truncation_m=2)
@@ -135,5 +213,6 @@ def test_truncation(device, kind):
     (pull,) = torch.autograd.grad(distances.sum(), positions)
     assert pull[0, 0].item() == pytest.approx(1.0, abs=1e-3)
     assert not pull[1:].any()
-    far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
-    assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)
+    if kind != "bricks":
+        far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
+        assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)

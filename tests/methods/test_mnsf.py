@@ -99,8 +99,9 @@ def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
     result = estimator.with_settings(near).estimate(triplet)
     assert 0 < result.kept.sum() < all_kept.sum()
     np.testing.assert_array_equal(result.kept, estimate(triplet, near).kept)
-    grid = SHORT.changed({"distance.kind": "grid"})
-    assert estimator.with_settings(grid).estimate(triplet).distance_kind == "grid"
+    for kind in ("grid", "bricks"):
+        other = SHORT.changed({"distance.kind": kind})
+        assert estimator.with_settings(other).estimate(triplet).distance_kind == kind
 
 
 # Steps of 1.0 blow up so deep a network: after the second step its flow is no float32.

@@ -37,7 +37,7 @@ def test_every_setting_is_a_parameter_with_its_description_and_range(peer):
     assert (range_m.from_value, range_m.to_value) == (1.0, 1000.0)
     (layers,) = peer.describe("field.num_hidden_layers").integer_range
     assert (layers.from_value, layers.to_value) == (1, 32)
-    assert peer.describe("distance.kind").additional_constraints == "one of grid, tree"
+    assert peer.describe("distance.kind").additional_constraints == "one of grid, bricks, tree"
     assert peer.describe("method.name").read_only is True
     assert peer.describe("crop.max_range_m").read_only is False
     for name in ("distance.kind", "objects.thinning_m", "warm_start.enabled", "compute.seed"):
@@ -70,7 +70,7 @@ def test_a_change_applies_from_the_next_triplet_on(peer, drive):
         ("crop.max_range_m", "far", r"crop\.max_range_m: got 'far', expected a number"),
         ("crop.min_range_m", 90.0, r"got 90\.0, expected less than crop\.max_range_m, which is 80"),
         (ITERATIONS, 2.5, r"got 2\.5, expected a whole number"),
-        ("distance.kind", "octree", r"distance\.kind: got 'octree', expected one of grid, tree"),
+        ("distance.kind", "octree", r"^distance\.kind: got 'octree', expected one of grid, bri"),
         ("warm_start.enabled", 1, r"warm_start\.enabled: got 1, expected true or false"),
         ("distance.kind", NOTHING, r"^distance\.kind: got None"),
         ("crop.max_range_m", "é\n" * 1000, r"^crop\.max_range_m: got 'é"),
