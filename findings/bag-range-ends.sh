@@ -4,8 +4,8 @@
 # GUESS    All readers of a bag exclude the end of a time range, as Python ranges do.
 # SEEN     mcap and rosbags exclude it, pybag and @mcap/core include it. For 0.1 s to 0.3 s of a
 #          10 Hz topic the first two return sweeps 1 and 2, the others 1, 2 and 3. From 0.2 s to
-#          0.2 s: nothing, or sweep 2. mcap 1.6.0 knows of it: start_time and end_time raise a
-#          DeprecationWarning there and ending_before and ending_at replace them.
+#          0.2 s: nothing, or sweep 2. In mcap 1.6.0, start_time and end_time raise a
+#          DeprecationWarning; ending_before and ending_at replace end_time.
 # WHY IT MATTERS
 #          Cut a recording into windows back to back, and with two of the readers the sweep at
 #          each border is evaluated twice; ask for first stamp to last stamp, and with the other
@@ -22,7 +22,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK=1 PYTHONDONTWRITEBYTECODE=1
 python3 -m venv "$dir/venv"
 "$dir/venv/bin/python" -m pip install --quiet --no-cache-dir --no-compile \
   mcap==1.6.0 rosbags==0.11.9 pybag-sdk==0.13.0 numpy==2.4.6
-npm install --silent --no-audit --no-fund --prefix "$dir" --cache "$dir/cache" @mcap/core@2.2.2
+npm install --loglevel=error --no-audit --no-fund --prefix "$dir" --cache "$dir/cache" @mcap/core@2.2.2
 
 cat > "$dir/read.cjs" <<'EOF'
 const { readFileSync } = require("node:fs");

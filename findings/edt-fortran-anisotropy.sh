@@ -2,8 +2,8 @@
 # SUBJECT  edt 3.1.2 (exact distance transform), with numpy 2.4.6
 # GUESS    For a Fortran-ordered array, the cell sizes must be given in reverse: the docstring
 #          says "you'll want to reverse the order of the anisotropic arguments".
-# SEEN     The sizes belong to the axes of the array in either memory order. Who follows the
-#          docstring gets distances that are wrong by up to 2.1 m in a grid of 4 m x 2 m x 4 m.
+# SEEN     The sizes belong to the axes of the array in either memory order. Following the
+#          docstring gives distances that are wrong by up to 2.1 m in a grid of 4 m x 2 m x 4 m.
 #          Values for the two orders differ only in the last bits, but they do differ.
 # WHY IT MATTERS
 #          Grids with a cell height unlike the cell width are common for lidar, and an array

@@ -17,7 +17,7 @@ set -euo pipefail
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
-npm install --silent --no-audit --no-fund --prefix "$dir" --cache "$dir/cache" \
+npm install --loglevel=error --no-audit --no-fund --prefix "$dir" --cache "$dir/cache" \
   @foxglove/rosmsg@5.0.5 @foxglove/rosmsg2-serialization@3.1.0 \
   @foxglove/rosmsg-serialization@2.0.4 tslib@2.9.1
 cat > "$dir/run.cjs" <<'EOF'
