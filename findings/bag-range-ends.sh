@@ -11,7 +11,7 @@
 #          each border is evaluated twice; ask for first stamp to last stamp, and with the other
 #          two the last sweep is missing. Stamps on a border are the rule: lidars that are
 #          synchronised to the second start their sweeps at multiples of 0.1 s.
-# SOURCE   Run below; documentation of iter_messages (mcap), AnyReader.messages (rosbags),
+# SOURCE   Run below, with iter_messages (mcap), AnyReader.messages (rosbags),
 #          McapFileReader.messages (pybag), McapIndexedReader.readMessages (@mcap/core).
 # DATE     2026-11-27
 # Needs Python 3.11 or newer, Node.js 18 or newer and npm. About 130 MB and 30 s.

@@ -11,8 +11,8 @@
 #          Points are right, so a viewer shows nothing. Deskewing with such stamps tears a sweep
 #          apart, and matching them with an IMU finds nothing. Subtract the minimum and look at
 #          the span of the stamps of a sweep before using them: 0.1 s is right at 10 Hz.
-# SOURCE   Run below; decoders/pandar_xt32.py in the package; user manual of the PandarXT-32 for
-#          packets (UDP format 6.1) and times of blocks and channels, in microseconds.
+# SOURCE   Run below; decoders/pandar_xt32.py in the package, for packets (version 6.1) and
+#          offsets. A sensor that turns 10 times a second needs 50 us for 0.18 degrees, a block.
 # DATE     2026-11-27
 # Needs Python 3.11 or newer. About 120 MB and 20 s.
 set -euo pipefail

@@ -14,8 +14,8 @@
 #          Packets of sensors are recorded as byte[], and labels or ring numbers as char[]. A
 #          decoder that is fed -56 where 0xC8 was sent fails, or masks half of its fields, and two
 #          readers that disagree can both be wrong. View such arrays as uint8.
-# SOURCE   Run below; ROS 2 interface documentation, table of built-in types (byte is octet and
-#          char is uint8 in DDS types).
+# SOURCE   Run below; MSG_TYPE_TO_IDL in rosidl_adapter of github.com/ros2/rosidl maps byte to
+#          octet and char to uint8, and the C++ generator makes both unsigned.
 # DATE     2026-11-27
 # Needs Python 3.11 or newer. About 130 MB and 30 s.
 set -euo pipefail
