@@ -132,7 +132,7 @@ benchmark-movers: $(COMPLETE)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)
-	for preset in online paper authors; do \
+	for preset in online mnsf paper authors; do \
 		$(BIN)/mnsf parameters --preset $$preset > config/$$preset.yaml || exit; \
 	done
 	{ sed '/^| setting/,$$d' docs/parameters.md; $(BIN)/mnsf parameters --format markdown; } \

@@ -231,8 +231,8 @@ class DistanceSettings:
     kind: str = declared(
         "tree",
         "grid: distance transform, as in the paper; bricks: the same up to distance.truncation_m, "
-        "in less time; tree: exact, faster on a CPU for few points",
-        choices=("grid", "bricks", "tree"),
+        "in less time; cells: exact up to it, for few lookups (on CUDA bricks); tree: exact",
+        choices=("grid", "bricks", "cells", "tree"),
     )
     cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = declared(
@@ -261,6 +261,23 @@ class NsfpSettings:
     )
     min_delta_m2: float = declared(
         0.001, "Smallest decrease of the loss that is an improvement (authors: 0.0001)", 0, 10
+    )
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """The method `mnsf` at the rate of the sensor."""
+
+    enabled: bool = declared(
+        False,
+        "Keep the networks from sweep to sweep and fit them where something may move (preset "
+        "mnsf); false: fit all points from scratch, as published",
+    )
+    first_iterations: int = declared(
+        40, "Iterations of each network from scratch; then optimization.max_iterations", 1, 100_000
+    )
+    num_octaves: int = declared(
+        7, "Wavelengths of encoded positions: 2 m, 4 m, 8 m ...; 0: not encoded", 0, 12
     )
 
 
@@ -357,7 +374,7 @@ class FusionSettings:
 
 @dataclass(frozen=True)
 class WarmStartSettings:
-    """Start from the last estimate, with the method `online`."""
+    """Start from the last estimate, with the methods `online` and `mnsf` (preset `mnsf`)."""
 
     enabled: bool = declared(
         True, "Start from the motions of the last estimate; false: from scratch"
@@ -460,6 +477,7 @@ class Settings:
     objects: ObjectSettings = ObjectSettings()
     distance: DistanceSettings = DistanceSettings()
     nsfp: NsfpSettings = NsfpSettings()
+    live: LiveSettings = LiveSettings()
     mnsf_cycle: MnsfCycleSettings = MnsfCycleSettings()
     linear: LinearSettings = LinearSettings()
     field: FieldSettings = FieldSettings()
@@ -522,9 +540,10 @@ class Settings:
                     f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
                     f"which is {larger!r}"
                 )
-        if self.distance.kind == "bricks" and not self.distance.truncation_m:
+        kind = self.distance.kind
+        if kind in ("bricks", "cells") and not self.distance.truncation_m:
             raise SettingsError(
-                "distance.kind: got 'bricks' with distance.truncation_m 0, expected a truncation: "
+                f"distance.kind: got {kind!r} with distance.truncation_m 0, expected a truncation: "
                 "set one above 0, or use grid or tree"
             )
 

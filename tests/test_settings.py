@@ -84,7 +84,7 @@ def test_unknown_names():
     for name in ("zzz", "crop", "", "crop."):
         with pytest.raises(SettingsError, match=f"^unknown setting {name!r}"):
             Settings().changed({name: 1})
-    text = "^unknown preset 'fast', expected one of online, paper, authors$"
+    text = "^unknown preset 'fast', expected one of online, mnsf, paper, authors$"
     with pytest.raises(SettingsError, match=text):
         preset("fast")
 

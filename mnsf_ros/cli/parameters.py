@@ -9,6 +9,7 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 _MEANINGS = {
     "online": "The default: ego motion plus one rigid motion per object.",
+    "mnsf": "The paper's networks live: warm-started, fitted where something may move.",
     "paper": "MNSF as published, every estimate from scratch: slow, for comparison.",
     "authors": "MNSF as in its authors' released code, where that differs from the paper.",
 }

@@ -5,7 +5,8 @@ PyTorch is imported only when it is needed: that takes seconds, and `online` doe
 """
 
 import os
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -88,6 +89,19 @@ def limit_threads(settings: ComputeSettings) -> None:
 
     if settings.num_threads:
         torch.set_num_threads(settings.num_threads)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Runs torch in one thread meanwhile: for a few hundred rows others only cost."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def node_threads() -> int:

@@ -13,6 +13,11 @@ from torch.nn import functional
 
 from mnsf_ros.settings import FieldSettings, FusionSettings
 
+# Encoded positions: the shortest wavelength, of which a quarter is the width of a pedestrian, and
+# the unit of what is not encoded, for inputs of about 1.
+_SHORTEST_M = 2.0
+_UNIT_M = 10.0
+
 # Rows at once; on a CPU few enough for the layers to stay in the cache of a core.
 _ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
@@ -55,6 +60,12 @@ class Perceptron(nn.Module):
         """The layers, in order."""
         return [layer for layer in self._layers if isinstance(layer, nn.Linear)]
 
+    @torch.no_grad()
+    def start_at_zero(self) -> "Perceptron":
+        """Makes the output zero everywhere until the first step; returns itself."""
+        self.linear_layers[-1].weight.zero_()
+        return self
+
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
         """The output for each row.
 
@@ -70,6 +81,26 @@ class Perceptron(nn.Module):
             )
         values = functional.relu(values, inplace=True).to(last[0].dtype)
         return functional.linear(values, *last)
+
+
+def num_encoded(num_octaves: int) -> int:
+    """Number of columns of `encoded`."""
+    return 3 + 4 * num_octaves
+
+
+def encoded(positions: torch.Tensor, num_octaves: int) -> torch.Tensor:
+    """Encodes positions, so that a network learns flow that changes within metres sooner.
+
+    Args:
+        positions: (M, 3) metres.
+        num_octaves: Wavelengths of 2 m, 4 m, 8 m ...; 0: none.
+
+    Returns:
+        (M, 3 + 4 num_octaves), about 1: x, y, z, then sines and cosines of x and y.
+    """
+    waves = _SHORTEST_M * 2.0 ** torch.arange(num_octaves, device=positions.device)
+    angles = (2 * torch.pi * positions[:, None, :2] / waves[:, None]).flatten(1)
+    return torch.cat([positions / _UNIT_M, angles.sin(), angles.cos()], dim=1)
 
 
 def _linear(num_inputs: int, num_outputs: int, generator: torch.Generator) -> nn.Linear:
@@ -118,6 +149,27 @@ class MlpFusion(nn.Module):
         """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
         inputs = _apart(flows).sum(dim=1) if self._takes_sum else flows
         return self._layers(inputs)
+
+    def start_at_zero(self) -> None:
+        """Makes the output zero until the first step."""
+        self._layers.start_at_zero()
+
+
+class CorrectedMean(nn.Module):
+    """The mean of the flows plus what a fusion adds, which is nothing at the start.
+
+    Attributes:
+        correction: The fusion of the paper.
+    """
+
+    def __init__(self, correction: MlpFusion) -> None:
+        super().__init__()
+        self.correction = correction
+        correction.start_at_zero()
+
+    def forward(self, flows: torch.Tensor) -> torch.Tensor:
+        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        return _apart(flows).mean(dim=1) + self.correction(flows)
 
 
 class WeightedSumFusion(nn.Module):

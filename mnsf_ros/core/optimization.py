@@ -65,7 +65,20 @@ class Schedule:
 LossOf: TypeAlias = Callable[[], torch.Tensor | tuple[torch.Tensor, torch.Tensor]]
 
 
-def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
+def adam(weights: list[nn.Parameter], weight_decay: float = 0.0) -> torch.optim.Adam:
+    """The optimizer of all networks, before its first step."""
+    # Fused: one pass over all weights; for networks this small that is a tenth of a step.
+    # Capturable: on CUDA a step can be recorded.
+    is_on_cuda = weights[0].is_cuda
+    return torch.optim.Adam(weights, weight_decay=weight_decay, fused=True, capturable=is_on_cuda)
+
+
+def minimize(
+    network: nn.Module,
+    loss_of: LossOf,
+    schedule: Schedule,
+    optimizer: torch.optim.Adam | None = None,
+) -> OptimizationResult:
     """Optimizes a network in place; one without weights stays as it is.
 
     Args:
@@ -73,6 +86,7 @@ def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> Optimiz
         loss_of: Computes the current loss, as a rule in metres. It must not read a value of the
             device.
         schedule: Number and size of the steps, and when to stop.
+        optimizer: Of an earlier fit of this network, whose state goes on; None: a fresh one.
 
     Raises:
         OptimizationError: If a loss is not finite and there are no better weights to return to.
@@ -82,7 +96,8 @@ def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> Optimiz
     if not weights:
         loss, _ = _parts(loss_of())
         return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
-    fit = _Fit(weights, loss_of, schedule)
+    optimizer = optimizer or adam(weights, schedule.weight_decay)
+    fit = _Fit(weights, loss_of, schedule, optimizer)
     if fit.device.type == "cuda":
         with _recorder().on_its_stream():
             _take_steps(fit, schedule)
@@ -115,14 +130,16 @@ def _take_steps(fit: "_Fit", schedule: Schedule) -> None:
 class _Fit:
     """One optimization under way; its early stopping and best weights stay on its device."""
 
-    def __init__(self, weights: list[nn.Parameter], loss_of: LossOf, schedule: Schedule) -> None:
+    def __init__(
+        self,
+        weights: list[nn.Parameter],
+        loss_of: LossOf,
+        schedule: Schedule,
+        optimizer: torch.optim.Adam,
+    ) -> None:
         self._parameters, self._loss_of, self._schedule = weights, loss_of, schedule
+        self._optimizer = optimizer
         self.device = device = weights[0].device
-        # Fused: one pass over all weights; for networks this small that is a tenth of a step.
-        # Capturable: on CUDA a step can be recorded.
-        self._optimizer = torch.optim.Adam(
-            weights, weight_decay=schedule.weight_decay, fused=True, capturable=weights[0].is_cuda
-        )
         self.num_steps = 0
         self.is_late = False
         # Adam on CUDA reads its step size as float32.

@@ -12,6 +12,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from mnsf_ros.core.brick_distance import BrickDistance, BrickLimitError
+from mnsf_ros.core.cell_search import CellSearch
 from mnsf_ros.core.distance_transform import DistanceTransform, nodes_around
 from mnsf_ros.settings import DistanceSettings
 
@@ -42,7 +43,7 @@ class TargetDistance:
 
     @property
     def kind(self) -> str:
-        """`grid`, `bricks` or `tree`."""
+        """`grid`, `bricks`, `cells` or `tree`."""
         return self._lookup.kind
 
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
@@ -61,6 +62,8 @@ def _lookup_to(points: torch.Tensor, settings: DistanceSettings) -> "Lookup":
         _, shape = nodes_around(points, cell_size_m)
         if math.prod(shape) <= settings.max_cells:
             return DistanceTransform(points, cell_size_m)
+    if settings.kind == "cells" and not points.is_cuda:
+        return CellSearch(points, reach_m)
     if settings.kind != "tree" and reach_m:
         with suppress(BrickLimitError):
             return BrickDistance(points, cell_size_m, reach_m, settings.max_cells)
@@ -100,4 +103,4 @@ class NearestNeighborDistance:
         )
 
 
-Lookup: TypeAlias = DistanceTransform | BrickDistance | NearestNeighborDistance
+Lookup: TypeAlias = DistanceTransform | BrickDistance | CellSearch | NearestNeighborDistance

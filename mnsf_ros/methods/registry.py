@@ -50,16 +50,29 @@ def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any)
     """A method that fits networks: `MODULE:FUNCTION` with its options, and its `NetworkMethod`."""
 
     def make(settings: Settings) -> SceneFlowEstimator:
-        if "torch" not in sys.modules:
-            _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
-        # Else the first estimate would take a second longer, in which it cannot be abandoned.
-        import_module(OPTIMIZER_MODULE)
+        _load_torch()
         networks = import_module("mnsf_ros.methods.network_estimator")
         flow_of = partial(resolve_name(f"mnsf_ros.methods.{path}"), **(options or {}))
         method = networks.NetworkMethod(flow_of, **traits)
         return networks.NetworkEstimator(settings, method)
 
     return make
+
+
+def _load_torch() -> None:
+    if "torch" not in sys.modules:
+        _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+    # Else the first estimate would take a second longer, in which it cannot be abandoned.
+    import_module(OPTIMIZER_MODULE)
+
+
+def _live_or_as_published(settings: Settings) -> SceneFlowEstimator:
+    if not settings.live.enabled:
+        return _mnsf(3)(settings)
+    _load_torch()
+    live = import_module("mnsf_ros.methods.live_mnsf")
+    estimator: SceneFlowEstimator = live.LiveMnsfEstimator(settings)
+    return estimator
 
 
 def _mnsf(num_sweeps: int) -> MethodMaker:
@@ -80,7 +93,7 @@ _NETWORKS: Final[dict[str, MethodMaker]] = {
     "fnsf-joint": _network("baselines:fnsf_joint", num_sweeps=3),
     "fnsf-time": _network("baselines:fnsf_joint", {"has_time": True}, num_sweeps=3),
     "mnsf-cycle": _network("mnsf:mnsf_cycle", num_sweeps=3),
-    "mnsf": _mnsf(3),
+    "mnsf": _live_or_as_published,
     # Ablation (a) of the paper, and its numbers of sweeps.
     "mnsf-no-backward": _mnsf(2),
     "mnsf-frames4": _mnsf(4),

@@ -15,7 +15,7 @@ from mnsf_ros.objects.encoded_field import Heads, turning, turns_of
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
 from mnsf_ros.objects.over_ground import flow_of, spread
-from mnsf_ros.objects.proposals import Proposals, Suspects
+from mnsf_ros.objects.proposals import Proposals, Suspects, first_guesses
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.objects.tracks import Track
@@ -94,7 +94,7 @@ class ObjectFlowEstimator:
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
-        proposals = Proposals.of(scene, clock)
+        proposals = Proposals.of(scene, self.guesses, clock)
         starts = proposals.start[proposals.are_worth]
         moving = self.moved(proposals.fitted, scene, starts, clock)
         with clock.stage("gate"):
@@ -129,6 +129,12 @@ class ObjectFlowEstimator:
         seen = replace(seen, turn_rates=turn_rates)
         tracks, ids = self._memory.follow(scene.tracks, seen, stamp_ns, scene.interval_s)
         return tracks, ids[are_moving]
+
+    def guesses(
+        self, suspects: Suspects, scene: Scene, clock: StageClock
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Where the fits of K suspects start, (K, 3) metres, and (K,) whether one is worth it."""
+        return first_guesses(suspects, scene, clock)
 
     def moved(
         self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Proposals: what may move by itself, and about how."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -16,6 +17,9 @@ from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.objects.voting import voted_motions
 
+# K objects, the sweeps, and the clock of the estimate, to what `first_guesses` returns.
+Guesses = Callable[["Suspects", Scene, StageClock], tuple[NDArray[np.float32], NDArray[np.bool_]]]
+
 # In older sweeps, motions that differ from the best in the neighbouring ones by less are tried: the
 # work grows with the square.
 _MAX_CHANGE_M_S: Final = 12.0
@@ -28,7 +32,7 @@ class Proposals:
     Attributes:
         suspects: Objects that other sweeps do not support as static, and those with a track.
         searched: The K of them whose motion was searched: seen to move, then the nearest ones.
-        start: (K, 3) metres to the next sweep, see `first_guesses`.
+        start: (K, 3) metres to the next sweep, the guesses of the method.
         are_worth: (K,) whether a motion may explain them better.
     """
 
@@ -38,17 +42,15 @@ class Proposals:
     are_worth: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, scene: Scene, clock: StageClock) -> "Proposals":
-        """Returns those of the current sweep."""
+    def of(cls, scene: Scene, guesses: Guesses, clock: StageClock) -> "Proposals":
+        """Returns those of the current sweep, with a method's guesses of their motions."""
         with clock.stage("objects"):
             objects = ObjectPoints.of(scene.current, scene.settings)
             pose = scene.current.pose.world_from_sensor
             expected = Expectation.of(objects, scene.tracks, pose, scene.interval_s)
             suspects = Suspects.among(objects, scene.targets, expected)
             searched = suspects.only(suspects.are_first(scene.settings.max_suspects))
-        with clock.stage("first guess"):
-            start, are_worth = first_guesses(searched, scene)
-        return cls(suspects, searched, start, are_worth)
+        return cls(suspects, searched, *guesses(searched, scene, clock))
 
     @cached_property
     def fitted(self) -> "Suspects":
@@ -103,6 +105,14 @@ class Suspects:
             is_first[np.lexsort((ranges, self.expected.scores <= 0))[number:]] = False
         return is_first
 
+    def are_worth(self, moving: JudgedMotions, scene: Scene) -> NDArray[np.bool_]:
+        """Returns a (K,) mask of those that motions explain clearly better, or that have a track.
+
+        Without older sweeps all are: two sweeps alone do not tell.
+        """
+        explains = moving.total < CLEARLY_SHARE * self.standing.total
+        return self.expected.is_known | explains | (not scene.targets.past)
+
     def only(self, wanted: NDArray[np.bool_]) -> "Suspects":
         """Returns the objects of the (K,) mask."""
         objects, standing = self.objects.only(wanted), self.standing.only(wanted)
@@ -110,7 +120,7 @@ class Suspects:
 
 
 def first_guesses(
-    suspects: Suspects, scene: Scene
+    suspects: Suspects, scene: Scene, clock: StageClock
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
 
@@ -121,18 +131,18 @@ def first_guesses(
     Args:
         suspects: K objects.
         scene: The sweeps.
+        clock: Of the estimate.
     """
-    if len(suspects) == 0:
-        return suspects.standing.motions, np.zeros(0, dtype=bool)
-    expected = suspects.expected
-    some, best = suspects.objects.thinner(), suspects.standing
-    targets, interval_s = scene.targets, scene.usual_interval_s
-    reach_m, changed_m = scene.settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
-    voted = voted_motions(some, targets.near, reach_m, best.motions)
-    best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
-    if targets.past:
-        voted = voted_motions(some, targets.past, changed_m, best.motions)
-        best = best_of(some, targets, best, [voted], expected.surprise)
-    explains = best.total < CLEARLY_SHARE * suspects.standing.total
-    is_worth = expected.is_known | explains | (not targets.past)
-    return best.motions, is_worth
+    with clock.stage("first guess"):
+        if len(suspects) == 0:
+            return suspects.standing.motions, np.zeros(0, dtype=bool)
+        expected = suspects.expected
+        some, best = suspects.objects.thinner(), suspects.standing
+        targets, interval_s = scene.targets, scene.usual_interval_s
+        reach_m, changed_m = scene.settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
+        voted = voted_motions(some, targets.near, reach_m, best.motions)
+        best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
+        if targets.past:
+            voted = voted_motions(some, targets.past, changed_m, best.motions)
+            best = best_of(some, targets, best, [voted], expected.surprise)
+        return best.motions, suspects.are_worth(best, scene)

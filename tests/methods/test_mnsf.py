@@ -7,12 +7,17 @@ import pytest
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # Short, and without a time budget, whose outcome depends on the machine.
-SHORT = Settings().changed(
+SHORT = preset("paper").changed(
     {
+        "distance.kind": "tree",
+        "distance.truncation_m": 2.0,
+        "early_stopping.patience": 0,
+        "fusion.patience": 0,
+        "optimization.learning_rate": 0.008,
+        "optimization.decay": True,
         "compute.device": "cpu",
         "field.num_hidden_layers": 2,
         "field.hidden_width": 16,
@@ -60,18 +65,17 @@ def triplet(scene):
     return triplet_of(scene)
 
 
-@pytest.mark.parametrize(("name", "num_sweeps"), [("online", 2), ("online", 3), ("paper", 3)])
-def test_preset_finds_the_flow(scene, triplet, device, name, num_sweeps):
-    changes = {"optimization.time_budget_ms": 0, "compute.device": device.type}
+@pytest.mark.parametrize("num_sweeps", [2, 3])
+def test_paper_preset_finds_the_flow(scene, triplet, device, num_sweeps):
     given = triplet if num_sweeps == 3 else pair_of(triplet)
-    result = estimate(given, preset(name).changed(changes))
+    result = estimate(given, preset("paper").changed({"compute.device": device.type}))
     moving, still = mean_errors(result.flow, scene)
     # The moving box moves 0.54 m.
     assert moving < 0.1
     assert still < (0.1 if num_sweeps == 3 else 0.15)
     assert list(result.fits) == ["forward", "backward", "fusion"][: 2 * num_sweeps - 3]
     assert result.device == device.type
-    assert result.distance_kind == {"online": "tree", "paper": "grid"}[name]
+    assert result.distance_kind == "grid"
 
 
 def test_unequal_intervals(make_scene):

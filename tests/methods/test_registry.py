@@ -102,7 +102,7 @@ def test_every_method_describes_itself(name, monkeypatch):
     assert again.traits == traits
 
 
-@pytest.mark.parametrize("preset_name", ["online", "paper", "authors"])
+@pytest.mark.parametrize("preset_name", ["online", "mnsf", "paper", "authors"])
 def test_online_is_what_the_robot_runs_under_any_preset(preset_name):
     settings = make_method("online", preset(preset_name)).settings
     assert settings == preset("online")

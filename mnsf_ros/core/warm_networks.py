@@ -1,0 +1,92 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""g_f, g_b and g_fusion of a stream: weights and optimizers that live from triplet to triplet."""
+
+from typing import Final
+
+import numpy as np
+import torch
+from torch import nn
+
+from mnsf_ros.core.compute_device import compute_device, layer_precision
+from mnsf_ros.core.flow_estimate import OptimizationResult
+from mnsf_ros.core.networks import (
+    CorrectedMean,
+    MlpFusion,
+    Perceptron,
+    encoded,
+    evaluate,
+    fusion_network,
+    invert_motion,
+    num_encoded,
+)
+from mnsf_ros.core.optimization import LossOf, Schedule, adam, minimize
+from mnsf_ros.settings import Settings
+
+STAGES: Final = ("forward", "backward", "fusion")
+
+
+class WarmNetworks:
+    """The three networks of the paper. Fresh ones say that nothing moves.
+
+    Attributes:
+        networks: Stage to network: `forward` and `backward` from encoded positions to flow,
+            `fusion` from both flows to one.
+        num_fits: How many triplets they were fitted to.
+        random: Chooses the points of each step.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        """Makes fresh networks on the device of the settings."""
+        self._num_octaves = settings.live.num_octaves
+        self.num_fits = 0
+        self.random = np.random.default_rng(settings.compute.seed)
+        generator = torch.Generator().manual_seed(settings.compute.seed)
+        precision = layer_precision(settings.compute)
+        num_inputs = num_encoded(self._num_octaves)
+        forward, backward = (
+            Perceptron(settings.field, generator, num_inputs, precision).start_at_zero()
+            for _ in range(2)
+        )
+        fusion = fusion_network(settings.fusion, generator, precision=precision)
+        if isinstance(fusion, MlpFusion):
+            fusion = CorrectedMean(fusion)
+        device = compute_device(settings.compute)
+        parts = (part.to(device) for part in (forward, backward, fusion))
+        self.networks: dict[str, nn.Module] = dict(zip(STAGES, parts, strict=True))
+        self._optimizers = {
+            stage: adam(weights)
+            for stage, network in self.networks.items()
+            if (weights := list(network.parameters()))
+        }
+
+    def encoded(self, positions: torch.Tensor) -> torch.Tensor:
+        """Input of both fields: (M, 3) metres to (M, C)."""
+        return encoded(positions, self._num_octaves)
+
+    def fit(self, stage: str, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
+        """Takes some steps with one of the networks, from where it is.
+
+        Raises:
+            OptimizationError: If the loss is not finite.
+            CancelledError: If the schedule says so.
+        """
+        return minimize(self.networks[stage], loss_of, schedule, self._optimizers.get(stage))
+
+    def flows(self, rows: torch.Tensor, ratio: float | None) -> torch.Tensor:
+        """The flows that are fused: (M, C) encoded positions to (M, 6) metres.
+
+        Args:
+            rows: Encoded positions.
+            ratio: Time to t+1 over time from t-1; None without a previous sweep: then both flows
+                are the forward one.
+        """
+        forward = evaluate(self.networks["forward"], rows)
+        if ratio is None:
+            return torch.cat([forward, forward], dim=1)
+        inverted = invert_motion(evaluate(self.networks["backward"], rows), ratio)
+        return torch.cat([forward, inverted], dim=1)
+
+    def flow(self, rows: torch.Tensor, ratio: float | None) -> torch.Tensor:
+        """The fused flow, (M, 3) metres to t+1; without a previous sweep the forward flow."""
+        flows = self.flows(rows, ratio)
+        return flows[:, :3] if ratio is None else evaluate(self.networks["fusion"], flows)

@@ -1,0 +1,150 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""MNSF at the rate of the sensor: networks that live from sweep to sweep.
+
+Section 3 of the paper, where something may move: a forward field, a backward field, inversion and
+a learned fusion, each fitted by a few steps that start from the weights of the last triplet. Ego
+motion, ground, objects, the gate, tracks and the output are those of the online method: an object
+that passes the gate has the mean of the fused flow of its points, which may turn.
+"""
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.compute_device import compute_device, on_device, one_thread
+from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
+from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.target_distance import TargetDistance
+from mnsf_ros.core.warm_networks import WarmNetworks
+from mnsf_ros.errors import OptimizationError
+from mnsf_ros.methods.live_fit import LiveFit
+from mnsf_ros.objects.motions import JudgedMotions, judge
+from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.proposals import Suspects
+from mnsf_ros.objects.scene import ReadySweeps, Scene
+from mnsf_ros.objects.target import Target
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet
+
+
+class LiveMnsfEstimator(ObjectFlowEstimator):
+    """Estimates scene flow as ego motion plus the flow of warm-started networks.
+
+    `prepare` and `estimate` may run in two threads.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        """Makes an estimator that has seen nothing yet.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        super().__init__(settings)
+        self._stretch: Stretch | None = None
+        self._networks: WarmNetworks | None = None
+        # Of the sweeps that may be a target again.
+        self._distances: dict[ObjectSweep, TargetDistance] = {}
+        self._fits: dict[str, OptimizationResult] = {}
+        self._cancelled: Callable[[], bool] = never
+
+    def with_settings(self, settings: Settings) -> "LiveMnsfEstimator":
+        """An estimator with other settings; it keeps all state that still holds."""
+        other = super().with_settings(settings)
+        if not isinstance(other, LiveMnsfEstimator):
+            raise TypeError(f"got {type(other).__name__}, expected LiveMnsfEstimator")
+        if _of_networks(settings) == _of_networks(self.settings):
+            other._stretch = self._stretch
+            # A copy: each estimator goes on with its own.
+            other._networks = copy.deepcopy(self._networks)
+        return other
+
+    def estimate(
+        self,
+        triplet: SweepTriplet,
+        cancelled: Callable[[], bool] = never,
+        prepared: ReadySweeps | None = None,
+    ) -> FlowEstimate:
+        """Estimates the flow of the triplet's current sweep, see `ObjectFlowEstimator`.
+
+        Raises:
+            SweepError: If too few points of a sweep are left.
+            OptimizationError: If a loss is not finite; the next triplet starts from scratch.
+            CancelledError: If `cancelled` says so.
+        """
+        if triplet.stretch is not self._stretch or not self.settings.warm_start.enabled:
+            self._stretch, self._networks = triplet.stretch, None
+        self._cancelled, self._fits = cancelled, {}
+        with one_thread():
+            estimate = super().estimate(triplet, cancelled, prepared)
+        kinds = {distance.kind for distance in self._distances.values()}
+        return replace(
+            estimate,
+            fits=self._fits,
+            device=compute_device(self.settings.compute).type,
+            distance_kind=", ".join(sorted(kinds)),
+        )
+
+    def guesses(
+        self, suspects: Suspects, scene: Scene, clock: StageClock
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Fits the networks. The motions of K suspects, (K, 3) metres, and (K,) if they explain.
+
+        Raises:
+            OptimizationError: If a loss or the flow is not finite.
+        """
+        if len(suspects) == 0:
+            return suspects.standing.motions, np.zeros(0, np.bool_)
+        self._forget_distances(scene)
+        if self._networks is None:
+            self._networks = WarmNetworks(self.settings)
+        fit = LiveFit(
+            self._networks,
+            suspects.objects,
+            scene,
+            self._distance_to,
+            self.settings,
+            self._cancelled,
+        )
+        try:
+            motions = fit.run(clock)
+        except OptimizationError:
+            self._networks = None
+            raise
+        self._fits = fit.fits
+        with clock.stage("explained"):
+            judged = judge(suspects.objects.thinner(), scene.targets, motions)
+            return motions, suspects.are_worth(judged, scene)
+
+    def moved(
+        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
+    ) -> JudgedMotions:
+        """The motions by the networks, (K, 3) metres, and how well they explain the sweeps."""
+        with clock.stage("explained"):
+            return judge(suspects.objects, scene.targets, start)
+
+    def _distance_to(self, target: Target) -> TargetDistance:
+        """D(p, S) of a sweep, built once."""
+        sweep = target.sweep
+        if sweep not in self._distances:
+            points = on_device(sweep.thinned, compute_device(self.settings.compute))
+            self._distances[sweep] = TargetDistance.to_points(points, self.settings.distance)
+        return self._distances[sweep]
+
+    def _forget_distances(self, scene: Scene) -> None:
+        """Keeps the distances to sweeps that are a target now, or may be later."""
+        targets = scene.targets
+        oldest_ns = min(target.sweep.sweep.stamp_ns for target in (*targets.near, *targets.past))
+        self._distances = {
+            sweep: distance
+            for sweep, distance in self._distances.items()
+            if sweep.sweep.stamp_ns >= oldest_ns
+        }
+
+
+def _of_networks(settings: Settings) -> tuple[object, ...]:
+    """The settings with which networks can go on."""
+    return settings.field, settings.fusion, settings.live, settings.compute
