@@ -95,7 +95,7 @@ class Arguments:
         self.value(
             "--preset",
             "settings to start from, except for online, which has its own: paper is the method as "
-            "published, authors its released code, mnsf its live form, online the default of the node",
+            "published, authors its code, mnsf its live form, online the default of the node",
             default=default,
             choices=PRESET_NAMES,
         )
