@@ -272,6 +272,7 @@ class LiveSettings:
         False,
         "Keep the networks from sweep to sweep and fit them where something may move (preset "
         "mnsf); false: fit all points from scratch, as published",
+        fixed=True,
     )
     first_iterations: int = declared(
         40, "Iterations of each network from scratch; then optimization.max_iterations", 1, 100_000

@@ -54,8 +54,6 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
     def with_settings(self, settings: Settings) -> "LiveMnsfEstimator":
         """An estimator with other settings; it keeps all state that still holds."""
         other = super().with_settings(settings)
-        if not isinstance(other, LiveMnsfEstimator):
-            raise TypeError(f"got {type(other).__name__}, expected LiveMnsfEstimator")
         if _of_networks(settings) == _of_networks(self.settings):
             other._stretch = self._stretch
             # A copy: each estimator goes on with its own.
@@ -147,4 +145,5 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
 
 def _of_networks(settings: Settings) -> tuple[object, ...]:
     """The settings with which networks can go on."""
-    return settings.field, settings.fusion, settings.live, settings.compute
+    # Another ego motion begins another world, with other axes.
+    return settings.field, settings.fusion, settings.live, settings.compute, settings.ego_motion

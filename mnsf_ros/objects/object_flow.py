@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from mnsf_ros.objects.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+
+
+_Own = TypeVar("_Own", bound="ObjectFlowEstimator")
 
 
 class ObjectFlowEstimator:
@@ -55,7 +59,7 @@ class ObjectFlowEstimator:
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
 
-    def with_settings(self, settings: Settings) -> "ObjectFlowEstimator":
+    def with_settings(self: _Own, settings: Settings) -> _Own:
         """An estimator with other settings; it keeps all state that still holds."""
         other = type(self)(settings)
         is_same_world = self._sweeps.are_same_for(settings)
