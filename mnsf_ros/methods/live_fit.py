@@ -91,6 +91,9 @@ class LiveFit:
         self._axes = scene.current.pose.world_from_sensor[:3, :3]
         self._points = self._tensor(objects.positions @ self._axes.T)
         self._rows = networks.encoded(self._points)
+        # A few points of each object tell its mean flow.
+        self._few = objects.thinner()
+        self._few_rows = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
         self._widths = self._tensor(objects.spacing + _FADING_M)
         self._next, *before = scene.targets.near
         self._previous: Target | None = before[0] if before else None
@@ -127,9 +130,9 @@ class LiveFit:
 
     def _motions(self) -> NDArray[np.float32]:
         """(K, 3) metres, sensor axes, what the networks say by now."""
-        flow = self._networks.flow(self._rows, self._ratio).cpu().numpy() @ self._axes
-        sums = self._objects.sums(flow.astype(np.float32))
-        return np.asarray(sums / self._objects.counts[:, None], np.float32)
+        flow = self._networks.flow(self._few_rows, self._ratio).cpu().numpy() @ self._axes
+        sums = self._few.sums(flow.astype(np.float32))
+        return np.asarray(sums / self._few.counts[:, None], np.float32)
 
     def _pull(self, target: Target, unit: float, motions: NDArray[np.float32]) -> _Pull:
         """The pull of a target on a motion that takes `unit` times the time to the next sweep."""
@@ -157,11 +160,12 @@ class LiveFit:
 
     def _fit_fusion(self, pulls: Sequence[_Pull]) -> None:
         """Some steps of the fusion, with both flows fixed, on all targets."""
-        flows, network = self._networks.flows(self._rows, self._ratio), self._networks.networks
+        networks, network = self._networks, self._networks.networks["fusion"]
 
         def loss_of() -> torch.Tensor:
             chosen = self._chosen()
-            return self._loss(pulls, network["fusion"](flows[chosen]), chosen)
+            flows = networks.flows(self._rows[chosen], self._ratio)
+            return self._loss(pulls, network(flows), chosen)
 
         number = self._settings.fusion.max_iterations
         self.fits["fusion"] = self._networks.fit("fusion", loss_of, self._schedule(number, 1.0))
