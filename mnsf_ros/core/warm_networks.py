@@ -30,7 +30,7 @@ class WarmNetworks:
 
     Attributes:
         networks: Stage to network: `forward` and `backward` from encoded positions to flow,
-            `fusion` from both flows to one.
+            `fusion` from both flows to one. Flow is in metres for one interval, the same for all.
         num_fits: How many triplets they were fitted to.
         random: Chooses the points of each step.
     """
@@ -72,21 +72,13 @@ class WarmNetworks:
         """
         return minimize(self.networks[stage], loss_of, schedule, self._optimizers.get(stage))
 
-    def flows(self, rows: torch.Tensor, ratio: float | None) -> torch.Tensor:
-        """The flows that are fused: (M, C) encoded positions to (M, 6) metres.
+    def flows(self, rows: torch.Tensor) -> torch.Tensor:
+        """F and f' = -b, side by side: (M, C) encoded positions to (M, 6) metres."""
+        forward, backward = (evaluate(self.networks[stage], rows) for stage in STAGES[:2])
+        return torch.cat([forward, invert_motion(backward)], dim=1)
 
-        Args:
-            rows: Encoded positions.
-            ratio: Time to t+1 over time from t-1; None without a previous sweep: then both flows
-                are the forward one.
-        """
-        forward = evaluate(self.networks["forward"], rows)
-        if ratio is None:
-            return torch.cat([forward, forward], dim=1)
-        inverted = invert_motion(evaluate(self.networks["backward"], rows), ratio)
-        return torch.cat([forward, inverted], dim=1)
-
-    def flow(self, rows: torch.Tensor, ratio: float | None) -> torch.Tensor:
-        """The fused flow, (M, 3) metres to t+1; without a previous sweep the forward flow."""
-        flows = self.flows(rows, ratio)
-        return flows[:, :3] if ratio is None else evaluate(self.networks["fusion"], flows)
+    def flow(self, rows: torch.Tensor, *, has_backward: bool) -> torch.Tensor:
+        """The flow to t+1, (M, 3) metres: fused, or the forward one if it is the only one."""
+        if not has_backward:
+            return evaluate(self.networks["forward"], rows)
+        return evaluate(self.networks["fusion"], self.flows(rows))

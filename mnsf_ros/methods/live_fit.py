@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import cycle, islice
 from typing import Final
 
 import numpy as np
@@ -21,6 +22,7 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 # Below this distance plus the spacing of the points, a pull fades with the distance: between two
 # sweeps points of the same surface are apart by so much.
@@ -37,7 +39,7 @@ class _Pull:
         distance: D(p, S).
         rotation: (3, 3) from the axes of the world to the sensor frame of the sweep.
         shift: (3,) metres.
-        steps: (P, 1) how often a point has made the motion that is fitted by then.
+        steps: (P, 1) how often a point has made the flow that is fitted by then.
         weight: Of its loss.
     """
 
@@ -64,11 +66,22 @@ class _Pull:
         return self.weight * torch.where(distances < widths, fading, distances - widths / 2).mean()
 
 
+class _Pulls:
+    """The pulls on one flow: at each step the near ones and one of the older ones, in turn."""
+
+    def __init__(self, near: Sequence[_Pull], older: Sequence[_Pull]) -> None:
+        self._near, self._older = near, cycle(older)
+
+    def of_a_step(self) -> list[_Pull]:
+        """The pulls of the next step."""
+        return [*self._near, *islice(self._older, 1)]
+
+
 class LiveFit:
     """Fits warm networks to the points that may move in the current sweep of a scene.
 
-    Everything is in the axes of the world with the sensor in the middle: what is learned of a place
-    beside the robot holds while the robot turns.
+    Everything is in the axes of the world with the sensor in the middle, and flow is in metres for
+    the usual interval: what was learned holds where the robot turns, and where a sweep is dropped.
 
     Attributes:
         fits: Stage to result.
@@ -97,6 +110,8 @@ class LiveFit:
         self._widths = self._tensor(objects.spacing + _FADING_M)
         self._next, *before = scene.targets.near
         self._previous: Target | None = before[0] if before else None
+        self._intervals = scene.usual_interval_s / USUAL_INTERVAL_S
+        self._expected: NDArray[np.float32] = np.zeros((len(objects), 3), np.float32)
         self._started_s = time.monotonic()
 
     def run(self, clock: StageClock) -> NDArray[np.float32]:
@@ -106,75 +121,66 @@ class LiveFit:
             OptimizationError: If a loss or the flow is not finite.
             CancelledError: If `cancelled` says so.
         """
-        expected, previous = self._motions(), self._previous
+        self._expected = self._motions()
         with clock.stage("forward"):
-            self._fit_field("forward", [self._pull(self._next, 1.0, expected)], _FORWARD_DONE)
-        if previous is not None:
+            self._fit("forward", self._pulls([self._next], []), _FORWARD_DONE)
+        if self._previous is not None:
+            near, past = self._previous, self._scene.targets.past
             with clock.stage("backward"):
-                sweeps = (previous, *self._scene.targets.past)
-                pulls = [self._pull(sweep, previous.steps, expected) for sweep in sweeps]
-                self._fit_field("backward", pulls, _FIELDS_DONE)
+                self._fit("backward", self._pulls([near], past, is_backward=True), _FIELDS_DONE)
             with clock.stage("fusion"):
-                sweeps = (self._next, previous, *self._scene.targets.past)
-                self._fit_fusion([self._pull(sweep, 1.0, expected) for sweep in sweeps])
+                self._fit("fusion", self._pulls([self._next, near], past), 1.0)
         self._networks.num_fits += 1
         motions = self._motions()
         if not np.isfinite(motions).all():
             raise OptimizationError("the flow is not finite; try a smaller learning rate")
         return motions
 
-    @property
-    def _ratio(self) -> float | None:
-        """Time to t+1 over time from t-1; None without a previous sweep."""
-        return None if self._previous is None else -1.0 / self._previous.steps
-
     def _motions(self) -> NDArray[np.float32]:
         """(K, 3) metres, sensor axes, what the networks say by now."""
-        flow = self._networks.flow(self._few_rows, self._ratio).cpu().numpy() @ self._axes
-        sums = self._few.sums(flow.astype(np.float32))
+        flow = self._networks.flow(self._few_rows, has_backward=self._previous is not None)
+        in_interval = self._intervals * flow.cpu().numpy() @ self._axes
+        sums = self._few.sums(in_interval.astype(np.float32))
         return np.asarray(sums / self._few.counts[:, None], np.float32)
 
-    def _pull(self, target: Target, unit: float, motions: NDArray[np.float32]) -> _Pull:
-        """The pull of a target on a motion that takes `unit` times the time to the next sweep."""
-        steps = np.broadcast_to(target.steps_of(self._objects, motions), (len(motions), 1))
-        rotation = target.from_current[:3, :3] @ self._axes.T
+    def _pulls(
+        self, near: Sequence[Target], older: Sequence[Target], *, is_backward: bool = False
+    ) -> _Pulls:
+        """The pulls of targets on a flow, which is forward or backward."""
+        unit = -self._intervals if is_backward else self._intervals
+        return _Pulls(*([self._pull(target, unit) for target in some] for some in (near, older)))
+
+    def _pull(self, target: Target, unit: float) -> _Pull:
+        """The pull on a flow that takes `unit` times the usual interval to the next sweep."""
+        steps = target.steps_of(self._objects, self._expected) * unit
+        of_points = np.broadcast_to(steps, (len(self._objects), 1))[self._objects.owners]
         return _Pull(
             self._distance_to(target),
-            self._tensor(rotation),
+            self._tensor(target.from_current[:3, :3] @ self._axes.T),
             self._tensor(target.from_current[:3, 3]),
-            self._tensor(steps[self._objects.owners] / unit),
+            self._tensor(of_points),
             # Each sweep pulls as hard, however far away it is.
-            abs(unit / target.steps),
+            1.0 / abs(target.steps * unit),
         )
 
-    def _fit_field(self, stage: str, pulls: Sequence[_Pull], done: float) -> None:
-        """Some steps of a field on its targets."""
-        network = self._networks.networks[stage]
+    def _fit(self, stage: str, pulls: _Pulls, done: float) -> None:
+        """Some steps of a network, each with other points, until a share of the time budget."""
+        flow_of = self._fused if stage == "fusion" else self._networks.networks[stage]
 
         def loss_of() -> torch.Tensor:
             chosen = self._chosen()
-            return self._loss(pulls, network(self._rows[chosen]), chosen)
+            flow = flow_of(self._rows[chosen])
+            points, widths = self._points[chosen], self._widths[chosen]
+            losses = [pull.loss(points, flow, widths, chosen) for pull in pulls.of_a_step()]
+            return torch.stack(losses).sum()
 
-        number = self._settings.optimization.max_iterations
-        self.fits[stage] = self._networks.fit(stage, loss_of, self._schedule(number, done))
+        self.fits[stage] = self._networks.fit(stage, loss_of, self._schedule(stage, done))
 
-    def _fit_fusion(self, pulls: Sequence[_Pull]) -> None:
-        """Some steps of the fusion, with both flows fixed, on all targets."""
-        networks, network = self._networks, self._networks.networks["fusion"]
-
-        def loss_of() -> torch.Tensor:
-            chosen = self._chosen()
-            flows = networks.flows(self._rows[chosen], self._ratio)
-            return self._loss(pulls, network(flows), chosen)
-
-        number = self._settings.fusion.max_iterations
-        self.fits["fusion"] = self._networks.fit("fusion", loss_of, self._schedule(number, 1.0))
-
-    def _loss(
-        self, pulls: Sequence[_Pull], flow: torch.Tensor, chosen: torch.Tensor
-    ) -> torch.Tensor:
-        points, widths = self._points[chosen], self._widths[chosen]
-        return torch.stack([pull.loss(points, flow, widths, chosen) for pull in pulls]).sum()
+    def _fused(self, rows: torch.Tensor) -> torch.Tensor:
+        """The fused flow at encoded positions; f and f' are fixed."""
+        flows = self._networks.flows(rows)
+        fused: torch.Tensor = self._networks.networks["fusion"](flows)
+        return fused
 
     def _chosen(self) -> torch.Tensor:
         """Numbers of the points of one step."""
@@ -184,12 +190,15 @@ class LiveFit:
             return torch.from_numpy(chosen).to(self._device)
         return torch.arange(number, device=self._device)
 
-    def _schedule(self, iterations: int, done: float) -> Schedule:
-        """Steps of one network, which end at a share of the time budget."""
+    def _schedule(self, stage: str, done: float) -> Schedule:
+        """Steps of one network."""
         settings = self._settings.optimization
+        group = self._settings.fusion if stage == "fusion" else settings
         is_fresh = self._networks.num_fits == 0
         return Schedule(
-            max_iterations=self._settings.live.first_iterations if is_fresh else iterations,
+            max_iterations=(
+                self._settings.live.first_iterations if is_fresh else group.max_iterations
+            ),
             learning_rate=settings.learning_rate,
             deadline=self._started_s + done * (settings.time_budget_ms / 1e3 or math.inf),
             cancelled=self._cancelled,
