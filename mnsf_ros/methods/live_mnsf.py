@@ -28,7 +28,7 @@ from mnsf_ros.objects.proposals import Suspects
 from mnsf_ros.objects.scene import ReadySweeps, Scene
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
 
 
 class LiveMnsfEstimator(ObjectFlowEstimator):
@@ -76,8 +76,12 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         if triplet.stretch is not self._stretch or not self.settings.warm_start.enabled:
             self._stretch, self._networks = triplet.stretch, None
         self._cancelled, self._fits = cancelled, {}
+        are_fresh = self._networks is None
         with one_thread():
             estimate = super().estimate(triplet, cancelled, prepared)
+        if estimate.start is Start.WARM and are_fresh:
+            # Tracks go on where networks do not: after other settings, a failed fit, an empty road.
+            estimate = replace(estimate, start=Start.COLD_NETWORKS)
         kinds = {distance.kind for distance in self._distances.values()}
         return replace(
             estimate,

@@ -117,6 +117,7 @@ class Start(Enum):
     COLD_GAP = "cold: gap since the last triplet"
     COLD_TIME_JUMP = "cold: time went back"
     COLD_FRAME = "cold: frame_id changed"
+    COLD_NETWORKS = "cold: fresh networks"
 
 
 @dataclass(frozen=True, eq=False)
