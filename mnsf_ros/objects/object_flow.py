@@ -23,7 +23,6 @@ from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
-
 _Own = TypeVar("_Own", bound="ObjectFlowEstimator")
 
 
