@@ -105,10 +105,13 @@ def test_unknown_names():
             "buffer.min_interval_s: got 0.6, expected less than buffer.max_interval_s, "
             "which is 0.5",
         ),
-        (
-            {"distance.kind": "bricks", "distance.truncation_m": 0},
-            "distance.kind: got 'bricks' with distance.truncation_m 0, expected a truncation: set "
-            "one above 0, or use grid or tree",
+        *(
+            (
+                {"distance.kind": kind, "distance.truncation_m": 0},
+                f"distance.kind: got '{kind}' with distance.truncation_m 0, expected a truncation: "
+                "set one above 0, or use grid or tree",
+            )
+            for kind in ("bricks", "cells")
         ),
     ],
 )

@@ -8,8 +8,9 @@ that passes the gate has the mean of the fused flow of its points, which may tur
 """
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +47,8 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         super().__init__(settings)
         self._stretch: Stretch | None = None
         self._networks: WarmNetworks | None = None
-        # Of the sweeps that may be a target again.
-        self._distances: dict[ObjectSweep, TargetDistance] = {}
+        # Of the sweeps that may be a target again, as long as these are kept.
+        self._distances: MutableMapping[ObjectSweep, TargetDistance] = WeakKeyDictionary()
         self._fits: dict[str, OptimizationResult] = {}
         self._cancelled: Callable[[], bool] = never
 
@@ -100,7 +101,6 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         """
         if len(suspects) == 0:
             return suspects.standing.motions, np.zeros(0, np.bool_)
-        self._forget_distances(scene)
         if self._networks is None:
             self._networks = WarmNetworks(self.settings)
         fit = LiveFit(
@@ -135,16 +135,6 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             points = on_device(sweep.thinned, compute_device(self.settings.compute))
             self._distances[sweep] = TargetDistance.to_points(points, self.settings.distance)
         return self._distances[sweep]
-
-    def _forget_distances(self, scene: Scene) -> None:
-        """Keeps the distances to sweeps that are a target now, or may be later."""
-        targets = scene.targets
-        oldest_ns = min(target.sweep.sweep.stamp_ns for target in (*targets.near, *targets.past))
-        self._distances = {
-            sweep: distance
-            for sweep, distance in self._distances.items()
-            if sweep.sweep.stamp_ns >= oldest_ns
-        }
 
 
 def _of_networks(settings: Settings) -> tuple[object, ...]:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""D(p, S) against brute force: the distance transforms, the search, the choice between them."""
+"""D(p, S) against brute force: the distance transforms, the searches, the choice between them."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from mnsf_ros.core.brick_distance import BrickDistance
+from mnsf_ros.core.cell_search import CellSearch
 from mnsf_ros.core.distance_transform import DistanceTransform, nodes_around
 from mnsf_ros.core.target_distance import NearestNeighborDistance, TargetDistance
 from mnsf_ros.settings import Settings
@@ -26,6 +27,12 @@ def transform(points, cell_size_m=CELL_M):
 
 def in_bricks(points, cell_size_m=CELL_M, reach_m=REACH_M):
     return BrickDistance(points, cell_size_m, reach_m, max_cells=50_000_000)
+
+
+def in_cells(points, reach_m=REACH_M):
+    if points.is_cuda:
+        pytest.skip("the search in cells is one of the CPU")
+    return CellSearch(points, reach_m)
 
 
 def nodes_of_grid(points, cell_size_m):
@@ -162,9 +169,36 @@ def test_search_is_the_same_as_brute_force(points, generator):
     assert brute_force(landed, points).max() < 1e-4
 
 
+# Its cells are made for half a metre; other reaches are a matter of the unit.
+@pytest.mark.parametrize("reach_m", [0.3, 0.5, 2.0, 5.0])
+@pytest.mark.parametrize("offset", [0.0, 900.0])
+def test_search_in_cells_is_brute_force_up_to_its_reach(points, generator, reach_m, offset):
+    points = points + offset
+    target = in_cells(points, reach_m)
+    positions = anywhere(points, generator, beyond=4 * reach_m).requires_grad_()
+    distances = target(positions)
+    exact = brute_force(positions.detach(), points)
+    tolerance = {"atol": 3e-4 if offset else 1e-5, "rtol": 0}
+    torch.testing.assert_close(distances.detach(), exact.clamp(max=reach_m), **tolerance)
+    is_near = exact < reach_m - 1e-3
+    assert is_near.sum() > 10
+    assert (~is_near).sum() > 100
+    weights = torch.rand(len(positions), generator=generator)
+    (gradient,) = torch.autograd.grad((weights * distances).sum(), positions)
+    gradient = gradient / weights[:, None]
+    landed = (positions - gradient * distances[:, None]).detach()[is_near]
+    assert brute_force(landed, points).max() < (1e-3 if offset else 1e-4)
+    assert not gradient[exact > reach_m + 1e-3].any()
+
+
 @pytest.mark.parametrize(
     ("lookup", "most"),
-    [(transform, math.inf), (NearestNeighborDistance, math.inf), (in_bricks, REACH_M)],
+    [
+        (transform, math.inf),
+        (NearestNeighborDistance, math.inf),
+        (in_bricks, REACH_M),
+        (in_cells, REACH_M),
+    ],
 )
 def test_positions_that_are_points_far_away_or_no_numbers(points, lookup, most):
     target = lookup(points)
@@ -180,8 +214,11 @@ def test_positions_that_are_points_far_away_or_no_numbers(points, lookup, most):
 
 
 def test_setting_chooses_the_kind_but_what_is_too_large_is_replaced(points, generator):
-    for kind in ("grid", "bricks", "tree"):
-        assert distance_to(points, kind=kind).kind == kind
+    # The search in cells is one of the CPU.
+    cells = "bricks" if points.is_cuda else "cells"
+    kinds = {"grid": "grid", "bricks": "bricks", "cells": cells, "tree": "tree"}
+    for kind, chosen in kinds.items():
+        assert distance_to(points, kind=kind).kind == chosen
     num_cells = math.prod(nodes_around(points, 0.1)[1])
     assert distance_to(points, kind="grid", max_cells=num_cells).kind == "grid"
     few = {"kind": "grid", "max_cells": num_cells - 1}
@@ -200,7 +237,7 @@ def test_setting_chooses_the_kind_but_what_is_too_large_is_replaced(points, gene
     assert distance_to(points, kind="bricks", truncation_m=1000, cell_size_m=0.01).kind == "tree"
 
 
-@pytest.mark.parametrize("kind", ["grid", "bricks", "tree"])
+@pytest.mark.parametrize("kind", ["grid", "bricks", "cells", "tree"])
 def test_truncation(device, kind):
     origin = torch.zeros(1, 3, device=device)
     target = distance_to(origin, kind=kind, truncation_m=2)
@@ -213,6 +250,6 @@ def test_truncation(device, kind):
     (pull,) = torch.autograd.grad(distances.sum(), positions)
     assert pull[0, 0].item() == pytest.approx(1.0, abs=1e-3)
     assert not pull[1:].any()
-    if kind != "bricks":
+    if kind in ("grid", "tree"):
         far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
         assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)
