@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""CPU of an estimate of `online`, and of the node, beside KISS-ICP, in one run.
+"""CPU of an estimate of `online` and of `mnsf`, and of the node, beside KISS-ICP, in one run.
 
     python benchmarks/cost.py [--document FILE]
 
@@ -11,7 +11,8 @@ a ROS_DOMAIN_ID of its own.
 import importlib.util
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -31,9 +32,9 @@ from mnsf_ros.sweeps.sweep import Sweep
 # The first estimates have cold caches and know nothing of the past.
 _WARM_UP: Final = 4
 _NUM_SWEEPS: Final = 24
-_MAX_ONLINE: Final = 0.5
-# On the few planes of a street a registration is cheap.
-_MAX_ON_STREET: Final = 0.8
+# Method to limit. On the few planes of a street a registration is cheap.
+_ON_STREET: Final = {"online": 0.8, "mnsf": 1.0}
+_ON_KITTI: Final = {"online": 0.5, "mnsf": 1.0}
 _MAX_NODE: Final = 0.75
 # Sweeps that the node gets, at 10 Hz.
 _NUM_PLAYED: Final = 200
@@ -53,27 +54,31 @@ def tables() -> Iterator[Table]:
         replace(item, sweep=replace(item.sweep, times_s=None))
         for item in real_sweeps("kitti_0005")[:_NUM_SWEEPS]
     ]
-    targets = [_target("`online`, street", street, _MAX_ON_STREET)]
+    targets = list(_targets("street", street, _ON_STREET))
     if kitti:
-        targets.append(_target("`online`, KITTI 0005", kitti, _MAX_ONLINE))
+        targets += _targets("KITTI 0005", kitti, _ON_KITTI)
     targets.append(_node_target([item.sweep for item in kitti or street]))
     title = f"CPU of an estimate over KISS-ICP's, one thread, {len(street[0].sweep):,} points"
     yield Table(title, TARGET_HEADER, [target.row() for target in targets])
 
 
-def _target(name: str, sweeps: Sequence[TrueSweep], limit: float) -> Target:
-    """CPU of one estimate over that of one registration, in turns."""
-    kiss = _kiss_icp()
-    estimator = make_method("online", preset("online").changed({"compute.num_threads": 1}))
-    ours, theirs = [], []
+def _targets(
+    place: str, sweeps: Sequence[TrueSweep], limits: Mapping[str, float]
+) -> Iterator[Target]:
+    """CPU of one estimate of each method over that of one registration, in turns."""
+    kiss, settings = _kiss_icp(), preset("online").changed({"compute.num_threads": 1})
+    estimators = {method: make_method(method, settings) for method in limits}
+    times_ms = defaultdict(list)
     for index in range(1, len(sweeps) - 1):
         triplet = triplet_at(sweeps, index)
-        start_s = time.process_time()
-        estimator.estimate(triplet)
-        ours.append(1e3 * (time.process_time() - start_s))
-        theirs.append(_kiss_ms(kiss, triplet.next))
-    own_ms, kiss_ms = (float(np.median(times[_WARM_UP:])) for times in (ours, theirs))
-    return _ratio_target(name, own_ms, kiss_ms, limit)
+        for method, estimator in estimators.items():
+            start_s = time.process_time()
+            estimator.estimate(triplet)
+            times_ms[method].append(1e3 * (time.process_time() - start_s))
+        times_ms["kiss"].append(_kiss_ms(kiss, triplet.next))
+    median_ms = {name: float(np.median(own[_WARM_UP:])) for name, own in times_ms.items()}
+    for method, limit in limits.items():
+        yield _ratio_target(f"`{method}`, {place}", median_ms[method], median_ms["kiss"], limit)
 
 
 def _node_target(sweeps: Sequence[Sweep]) -> Target:

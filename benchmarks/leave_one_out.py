@@ -7,7 +7,6 @@ Means over worlds, see movers.py, which makes them. A rule that buys nothing on 
 not made for should go.
 """
 
-import os
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -19,7 +18,7 @@ import pandas as pd
 import world_scores
 from drives import kept_world
 from frame import Table, make_parser, publish
-from movers import CACHE, DURATION_S, FIGURES, in_processes
+from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
 from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
@@ -68,9 +67,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
 def main() -> None:
     """Measures all rows, prints the table, and writes it into a document."""
     parser = make_parser(__doc__)
-    parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 10))
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
-    parser.add_argument("--cache", type=Path, default=CACHE, help="of worlds")
+    add_world_options(parser, (0, 10))
     options = parser.parse_args()
     seeds = range(*options.seeds)
     publish("leave-one-out", _tables(seeds, options.workers, options.cache), options.document)

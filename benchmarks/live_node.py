@@ -71,7 +71,7 @@ class LiveNode(RawTopics):
         start_s: Time from the start of the process until it and this one saw each other.
     """
 
-    def __init__(self, parameters: Sequence[str], log: Path) -> None:
+    def __init__(self, parameters: Sequence[str], file: Path | None, log: Path) -> None:
         """Starts the process, which ends with the `with` block."""
         super().__init__("mnsf_replay")
         self.log, self.num_published, self.start_s = log, 0, 0.0
@@ -85,7 +85,8 @@ class LiveNode(RawTopics):
         # Serialized: to read it would cost more than to receive it.
         kind = message_class(CLOUD_TYPE)
         self.node.create_subscription(kind, _FLOW_TOPIC, self._receive_flow, 5, raw=True)
-        words = [word for parameter in parameters for word in ("-p", parameter)]
+        words = ["--params-file", str(file)] if file else []
+        words += [word for parameter in parameters for word in ("-p", parameter)]
         command = [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *_REMAPPED, *words]
         with log.open("wb") as out:
             self.process = subprocess.Popen(command, stdout=out, stderr=out, start_new_session=True)
@@ -210,12 +211,15 @@ class LiveNode(RawTopics):
 
 
 @contextmanager
-def live_node(*parameters: str) -> Iterator[LiveNode]:
-    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it."""
+def live_node(*parameters: str, file: Path | None = None) -> Iterator[LiveNode]:
+    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it.
+
+    `file` has further parameters, as those in config/.
+    """
     prepare_environment()
     with (
         tempfile.TemporaryDirectory() as folder,
-        LiveNode(parameters, Path(folder, "node.log")) as node,
+        LiveNode(parameters, file, Path(folder, "node.log")) as node,
     ):
         node.start()
         yield node

@@ -1,21 +1,25 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How well `online` finds and follows movers, against targets.
+"""How well methods find and follow movers, against targets.
 
-    python benchmarks/movers.py [--half tuned] [--seeds A B] [--workers N] [--cache DIR]
-        [--csv FILE] [--document FILE]
+    python benchmarks/movers.py [--methods online,mnsf] [--half tuned] [--seeds A B] [--workers N]
+        [--cache DIR] [--csv FILE] [--document FILE]
 
 Runs over random worlds, and over consecutive sweeps of KITTI 0005 if the shared data is there (see
-drives.py). Constants were tuned on worlds below 1,000 and on the first half of KITTI. A hundred
-worlds from 1,000 on are run once for a report, then the next hundred. The sweeps of worlds are
-kept on disk, about 40 MB each: another program is compared on the same ones in half the time.
+drives.py). All methods get the same sweeps; the first one has figures for each kind of lidar, the
+others are compared with it. Constants were tuned on worlds below 1,000 and on the first half of
+KITTI. A hundred worlds from 1,000 on are run once for a report, then the next hundred. The sweeps
+of worlds are kept on disk, about 40 MB each: another program is compared on the same ones in half
+the time.
 """
 
+import argparse
 import math
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,13 +27,13 @@ import numpy as np
 import pandas as pd
 from drives import kept_world, real_sweeps
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
+from mover_kinds import KINDS
 from rich.progress import track
 from world_scores import NUM_FIRST, WorldScore, scored, world_score
 
 from mnsf_ros.evaluation.summary import summarize
 
 KITTI: Final = "KITTI 0005"
-PAIRS: Final = "KITTI 0005, two sweeps"
 DURATION_S: Final = 2.5
 CACHE: Final = Path(tempfile.gettempdir()) / f"mnsf_worlds_{os.getuid()}"
 # One world in so many is run a second time without anything that moves.
@@ -51,6 +55,8 @@ _MORE: Final = {
     "ego motion": ("ego motion (m)", False),
 }
 FIGURES: Final = _MAIN | _MORE
+# Median dynamic EPE over that of the first method.
+_MAX_RATIO: Final = 1.3
 # A band of confidence with fewer points is not judged.
 _MIN_BAND_POINTS: Final = 500
 
@@ -59,18 +65,15 @@ def main() -> None:
     """Measures KITTI and worlds, prints their tables, and writes them into a document."""
     parser = make_parser(__doc__)
     parser.add_argument("--half", choices=("tuned", "reported"), default="reported", help="KITTI")
-    seeds = parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 30))
-    seeds.help = "worlds from A to B - 1 (default: 0 30; 0 1000 are all for tuning)"
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
-    parser.add_argument(
-        "--cache", type=Path, default=CACHE, help="of worlds (default: %(default)s)"
-    )
+    parser.add_argument("--methods", default="online", help="names with commas between")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the figures of each world")
+    add_world_options(parser, (0, 30))
     options = parser.parse_args()
+    methods = options.methods.split(",")
 
     def measured() -> Iterator[Table]:
-        yield from kitti_tables(options.half)
-        scores = world_scores(range(*options.seeds), options.workers, options.cache)
+        yield from kitti_tables(options.half, methods)
+        scores = world_scores(range(*options.seeds), methods, options.workers, options.cache)
         yield from world_tables(scores)
         if options.csv:
             figures(scores).to_csv(options.csv)
@@ -78,39 +81,65 @@ def main() -> None:
     publish("movers", measured(), options.document)
 
 
-def kitti_tables(half: str) -> Iterator[Table]:
+def add_world_options(parser: argparse.ArgumentParser, seeds: tuple[int, int]) -> None:
+    """Adds `--seeds`, `--workers` and `--cache`."""
+    chosen = parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=seeds)
+    chosen.help = "worlds from A to B - 1 (default: {} {}; 0 1000 are all for tuning)".format(
+        *seeds
+    )
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
+    cache = parser.add_argument("--cache", type=Path, default=CACHE)
+    cache.help = "of worlds (default: %(default)s)"
+
+
+def kitti_tables(half: str, methods: Sequence[str]) -> Iterator[Table]:
     """Figures of the real drive, if it is there, and their targets."""
     kitti = real_sweeps("kitti_0005")
     if not kitti:
         return
     middle = len(kitti) // 2
     counted = range(NUM_FIRST, middle) if half == "tuned" else range(middle, len(kitti) - 1)
-    rows = [one.row for one in scored(KITTI, kitti, counted)]
-    rows += [one.row for one in scored(PAIRS, kitti, counted, from_scratch=True)]
-    summary = summarize(rows)
-    names = ("movers.recall", "movers.precision", "movers.ghosts_per_sweep")
-    names += ("errors.dynamic.epe_m", "errors.static.epe_m")
-    header = [
-        "",
-        "recall",
-        "precision",
-        "false movers a sweep",
-        "EPE dynamic (m)",
-        "EPE static (m)",
+    # Row to whether it is from scratch, for each method.
+    kinds = {KITTI: False, f"{KITTI}, two sweeps": True}
+    names = {(each, kind): _row_name(kind, each, methods) for each in methods for kind in kinds}
+    rows = [
+        one.row
+        for (each, kind), name in names.items()
+        for one in scored(name, kitti, counted, method=each, from_scratch=kinds[kind])
     ]
+    summary = summarize(rows, list(names.values()))
+    columns = {
+        "movers.recall": "recall",
+        "movers.precision": "precision",
+        "movers.ghosts_per_sweep": "false movers a sweep",
+        "errors.dynamic.epe_m": "EPE dynamic (m)",
+        "errors.static.epe_m": "EPE static (m)",
+    }
     cells = [
-        [str(name), *(f"{line[each]:.3f}" for each in names)] for name, line in summary.iterrows()
+        [str(name), *(f"{line[each]:.3f}" for each in columns)] for name, line in summary.iterrows()
     ]
-    yield Table(f"{KITTI}, {half} half", header, cells)
-    dynamic_m, static_m = summary["errors.dynamic.epe_m"], summary["errors.static.epe_m"]
+    yield Table(f"{KITTI}, {half} half", ["", *columns.values()], cells)
+    dynamic_m, static_m = (summary[f"errors.{part}.epe_m"] for part in ("dynamic", "static"))
+    first, pairs, *_ = names.values()
     targets = [
-        Target(f"{KITTI}: dynamic EPE (m)", 0.04, dynamic_m[KITTI]),
-        Target(f"{KITTI}: static EPE (m)", 0.01, static_m[KITTI]),
-        Target(f"{PAIRS}: dynamic EPE (m)", 0.045, dynamic_m[PAIRS]),
+        Target(f"{first}: dynamic EPE (m)", 0.04, dynamic_m[first]),
+        Target(f"{first}: static EPE (m)", 0.01, static_m[first]),
+        Target(f"{pairs}: dynamic EPE (m)", 0.045, dynamic_m[pairs]),
     ]
+    for each in methods[1:]:
+        ratio = dynamic_m[names[each, KITTI]] / dynamic_m[first]
+        targets.append(Target(f"{KITTI}, `{each}`: {_ratio_name(methods)}", _MAX_RATIO, ratio))
     yield Table(
         "Targets, real drive", TARGET_HEADER, [each.row() for each in targets], is_detail=True
     )
+
+
+def _row_name(name: str, method: str, methods: Sequence[str]) -> str:
+    return f"`{method}`, {name}" if len(methods) > 1 else name
+
+
+def _ratio_name(methods: Sequence[str]) -> str:
+    return f"dynamic EPE over that of `{methods[0]}`"
 
 
 def in_processes(
@@ -127,42 +156,99 @@ def in_processes(
     return [future.result() for future in futures]
 
 
-def world_scores(seeds: Sequence[int], num_workers: int, cache: Path) -> list[WorldScore]:
-    """Scores of random worlds in the order of their seeds, and of some in which nothing moves."""
-    tasks = [(seed, "random", cache) for seed in seeds]
-    tasks += [(seed, _STANDING, cache) for seed in seeds[::_STANDING_EVERY]]
-    return in_processes(_score, tasks, num_workers)
+def world_scores(
+    seeds: Sequence[int], methods: Sequence[str], num_workers: int, cache: Path
+) -> list[WorldScore]:
+    """Scores of each method in random worlds, and in some in which nothing moves."""
+    tasks = [(seed, "random", methods, cache) for seed in seeds]
+    tasks += [(seed, _STANDING, methods, cache) for seed in seeds[::_STANDING_EVERY]]
+    return list(chain.from_iterable(in_processes(_scores, tasks, num_workers)))
 
 
-def _score(seed: int, scenario: str, cache: Path) -> WorldScore:
-    return world_score(kept_world(seed, DURATION_S, scenario, cache), scenario)
+def _scores(seed: int, scenario: str, methods: Sequence[str], cache: Path) -> list[WorldScore]:
+    world = kept_world(seed, DURATION_S, scenario, cache)
+    return [world_score(world, scenario, method) for method in methods]
 
 
 def figures(scores: Sequence[WorldScore]) -> pd.DataFrame:
     """A line for each world: seed, scenario, lidar, all figures, and what was drawn."""
-    names = ("seed", "scenario", "lidar", "text")
+    names = ("seed", "scenario", "lidar", "text", "method")
     lines = [{name: getattr(one, name) for name in names} | one.figures for one in scores]
     return pd.DataFrame(lines).set_index("seed")
 
 
 def world_tables(scores: Sequence[WorldScore]) -> Iterator[Table]:
-    """Median and worst tenth for each kind of lidar, and targets."""
-    moving = [one for one in scores if one.scenario != _STANDING]
+    """Median and worst tenth for each kind of lidar, and targets; then methods side by side."""
+    methods = list(dict.fromkeys(one.method for one in scores))
+    of_first = [one for one in scores if one.method == methods[0]]
+    moving = [one for one in of_first if one.scenario != _STANDING]
     groups = {lidar: [one for one in moving if one.lidar == lidar] for lidar in _LIDARS}
-    groups |= {_ALL: moving, _STANDING: [one for one in scores if one.scenario == _STANDING]}
+    groups |= {_ALL: moving, _STANDING: [one for one in of_first if one.scenario == _STANDING]}
     groups = {name: own for name, own in groups.items() if own}
+    further = {
+        f"{name}, `{method}`": [
+            one
+            for one in scores
+            if one.method == method and (one.scenario == _STANDING) == (name == _STANDING)
+        ]
+        for method in methods[1:]
+        for name in (_ALL, _STANDING)
+        if name in groups
+    }
+    shown = groups | further
     seeds = [one.seed for one in moving]
     title = f"Random worlds, seeds {min(seeds)} to {max(seeds)}: median/worst tenth"
     header = ["", "worlds", *(text for text, _ in _MAIN.values()), "stops"]
     rows = [
-        [name, str(len(own)), *_spreads(own, _MAIN), _stops(own)] for name, own in groups.items()
+        [name, str(len(own)), *_spreads(own, _MAIN), _stops(own)] for name, own in shown.items()
     ]
     yield Table(title, header, rows)
     header = ["", *(text for text, _ in _MORE.values()), "confidence off by", "from two sweeps"]
-    rows = [[name, *_spreads(own, _MORE), *_off(own)] for name, own in groups.items()]
+    rows = [[name, *_spreads(own, _MORE), *_off(own)] for name, own in shown.items()]
     yield Table("More of the worlds: median/worst tenth", header, rows, is_detail=True)
-    rows = [target.row() for name, own in groups.items() for target in targets(name, own)]
+    by_method = {
+        method: [one for one in scores if one.method == method and one.scenario != _STANDING]
+        for method in methods
+    }
+    yield _kind_table(by_method)
+    found = [target for name, own in groups.items() for target in targets(name, own)]
+    if len(methods) > 1:
+        ratios = list(_ratio_targets(by_method))
+        yield Table("Median dynamic EPE", TARGET_HEADER, [each.row() for each in ratios])
+    rows = [target.row() for target in found]
     yield Table("Targets, random worlds", TARGET_HEADER, rows, is_detail=True)
+
+
+def _kind_table(scores: Mapping[str, Sequence[WorldScore]]) -> Table:
+    """Errors of each method for each kind of mover."""
+    errors_m = {
+        method: {kind: [m for one in own for m in one.errors_m.get(kind, ())] for kind in KINDS}
+        for method, own in scores.items()
+    }
+    numbers = next(iter(errors_m.values()))
+    rows = [
+        [kind, str(len(numbers[kind])), *(f"{np.mean(own[kind]):.3f}" for own in errors_m.values())]
+        for kind in KINDS
+        if numbers[kind]
+    ]
+    title = "EPE (m) of movers by kind, mean over movers and sweeps"
+    return Table(title, ["", "sightings", *(f"`{method}`" for method in scores)], rows)
+
+
+def _ratio_targets(scores: Mapping[str, Sequence[WorldScore]]) -> Iterator[Target]:
+    """Median error of the further methods over that of the first, and where they are better."""
+    errors_m = {
+        method: np.array([one.figures["dynamic EPE"] for one in own])
+        for method, own in scores.items()
+    }
+    first, *further = errors_m
+    for method in further:
+        # Without movers in a world there is no error of either.
+        ratio = np.nanmedian(errors_m[method]) / np.nanmedian(errors_m[first])
+        number = np.count_nonzero(errors_m[method] < errors_m[first])
+        count = np.count_nonzero(~np.isnan(errors_m[first]))
+        text = f"{ratio:.2f}, better in {number} of {count} worlds"
+        yield Target(f"`{method}`: {_ratio_name(list(errors_m))}", _MAX_RATIO, ratio, text=text)
 
 
 def _spreads(scores: Sequence[WorldScore], names: Iterable[str]) -> list[str]:

@@ -1,7 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Scores of `online` on sweeps with truth: each estimate, and all of a random world."""
+"""Scores of a method on sweeps with truth: each estimate, and all of a random world."""
 
 import math
+import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -9,6 +11,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 from drives import TrueSweep, World
+from mover_kinds import mover_kinds
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -55,6 +58,7 @@ class Scored:
         confidence: (M,) of them.
         errors_m: (M,) end point errors of their flow.
         ego_error_m: Error of the translation of the ego motion.
+        cpu_ms: CPU time of the estimate.
     """
 
     row: ResultRow
@@ -64,6 +68,7 @@ class Scored:
     confidence: NDArray[np.float32]
     errors_m: NDArray[np.float64]
     ego_error_m: float
+    cpu_ms: float = math.nan
 
     @property
     def is_static(self) -> NDArray[np.bool_]:
@@ -86,22 +91,26 @@ def scored(
     sweeps: Sequence[TrueSweep],
     counted: range,
     *,
+    method: str = "online",
     from_scratch: bool = False,
     with_ground: bool = False,
 ) -> Iterator[Scored]:
-    """Runs over a recording and yields each counted estimate, with `name` as method.
+    """Runs a method over a recording and yields each counted estimate, with `name` in its row.
 
     From scratch, each estimate has two sweeps and no past; else all sweeps up to the last counted
     one are estimated. With ground, what is called a mover there is a false one.
     """
-    estimator = make_method("online", preset("online"))
+    estimator = make_method(method, preset("online"))
     for index in counted if from_scratch else range(1, counted[-1] + 1):
         previous, current, next_ = (each.sweep for each in sweeps[index - 1 : index + 2])
         if from_scratch:
-            estimator, previous = make_method("online", preset("online")), None
+            estimator, previous = make_method(method, preset("online")), None
+        start_s = time.process_time()
         estimate = estimator.estimate(SweepTriplet(previous, current, next_))
+        cpu_ms = 1e3 * (time.process_time() - start_s)
         if index in counted:
-            yield _scored(name, index, sweeps, estimate, with_ground=with_ground)
+            one = _scored(name, index, sweeps, estimate, with_ground=with_ground)
+            yield replace(one, cpu_ms=cpu_ms)
 
 
 def _scored(
@@ -165,30 +174,35 @@ class WorldScore:
     Attributes:
         seed, lidar, text: As in `World`.
         scenario: `random` or `standing`.
+        method: Name of the method.
         figures: Name to figure; NaN where there is nothing to judge.
         confidence: Band, and whether from scratch, to number of points called dynamic, sum of their
             confidence, and number of those with less than 0.1 m of error.
+        errors_m: Kind of mover to the mean end point error of each mover in each sweep.
     """
 
     seed: int
     lidar: str
     text: str
     scenario: str
+    method: str
     figures: dict[str, float]
     confidence: dict[tuple[int, bool], NDArray[np.float64]]
+    errors_m: dict[str, list[float]]
 
 
-def world_score(world: World, scenario: str = "random") -> WorldScore:
-    """Runs `online` over a world, and on some sweeps from scratch, and scores it."""
+def world_score(world: World, scenario: str = "random", method: str = "online") -> WorldScore:
+    """Runs a method over a world, and on some sweeps from scratch, and scores it."""
     counted = range(NUM_FIRST, len(world.sweeps) - 1)
-    run = list(scored("online", world.sweeps, counted, with_ground=True))
-    some = counted[::_SCRATCH_EVERY]
-    scratch = list(scored("online", world.sweeps, some, from_scratch=True, with_ground=True))
+    run, scratch = (
+        list(scored(method, world.sweeps, part, method=method, **kind, with_ground=True))
+        for part, kind in ((counted, {}), (counted[::_SCRATCH_EVERY], {"from_scratch": True}))
+    )
     summary, first = (summarize(one.row for one in each).iloc[0] for each in (run, scratch))
     held, released = _braking(pd.concat([_objects(one) for one in run]))
     figures = {
         "recall": _recall([_called_points(one) for one in run]),
-        "found": _found(item for one in run for item in one.row.movers.objects),
+        "found": found_share(item for one in run for item in one.row.movers.objects),
         "false movers": summary["movers.ghosts_per_sweep"],
         "dynamic EPE": summary["errors.dynamic.epe_m"],
         "static EPE": summary["errors.static.epe_m"],
@@ -205,8 +219,18 @@ def world_score(world: World, scenario: str = "random") -> WorldScore:
         for is_scratch, each in ((False, run), (True, scratch))
         for band, numbers in enumerate(_by_confidence(each))
     }
-    about = (world.seed, world.lidar, world.text, scenario)
-    return WorldScore(*about, figures, confidence)
+    about = (world.seed, world.lidar, world.text, scenario, method)
+    return WorldScore(*about, figures, confidence, _by_kind(run))
+
+
+def _by_kind(run: Sequence[Scored]) -> dict[str, list[float]]:
+    """Kind of mover to the mean error of each mover in each sweep, see `WorldScore`."""
+    errors_m = defaultdict(list)
+    for one in run:
+        for own, kinds in mover_kinds(one.truth):
+            for kind in kinds:
+                errors_m[kind].append(float(one.errors_m[own].mean()))
+    return dict(errors_m)
 
 
 def _by_confidence(run: Sequence[Scored]) -> NDArray[np.float64]:
@@ -245,7 +269,7 @@ def _recall(called: Sequence[_Called]) -> float:
     return float(right[right >= _LEAST_PRECISION * said].max(initial=0) / number)
 
 
-def _found(objects: Iterable[ObjectRow]) -> float:
+def found_share(objects: Iterable[ObjectRow]) -> float:
     """Share of movers within range, sweep by sweep, that are found."""
     found = [one.is_found for one in objects if one.moves and one.range_m <= _MAX_RANGE_M]
     return float(np.mean(found)) if found else math.nan

@@ -61,7 +61,8 @@ def test_worlds_are_summed_up_for_each_lidar(load, score):
         score, seed=9, scenario="standing", figures=score.figures | {"recall": math.nan}
     )
     scores = [score, worse, other, still]
-    table, errors, targets = movers.world_tables(scores)
+    table, errors, kinds, targets = movers.world_tables(scores)
+    assert sum(int(row[1]) for row in kinds.rows) >= 3 * len(kinds.rows) > 0
     assert [row[0] for row in errors.rows] == [row[0] for row in table.rows]
     assert [row[:2] for row in table.rows] == [
         ["16 beams", "2"],
@@ -74,6 +75,34 @@ def test_worlds_are_summed_up_for_each_lidar(load, score):
     assert "64 beams: pedestrians to 30 m, median" in names
     assert names[-1] == "standing: false movers a sweep, worst tenth"
     assert movers.figures(scores).loc[7, "recall"] == 0.1
+
+
+def test_methods_are_compared_on_the_same_worlds(load, score):
+    """Each further method has rows of its own; the first one alone is judged for each lidar."""
+    movers = load("movers")
+    assert score.method == "online"
+    worse = [
+        replace(
+            score,
+            seed=seed,
+            method="mnsf",
+            figures=score.figures | {"dynamic EPE": factor * score.figures["dynamic EPE"]},
+            errors_m={kind: [2 * m for m in own] for kind, own in score.errors_m.items()},
+        )
+        for seed, factor in ((22, 1.5), (23, 1.2), (24, 0.9))
+    ]
+    scores = [*(replace(score, seed=one.seed) for one in worse), *worse]
+    table, _, kinds, ratios, targets = movers.world_tables(scores)
+    assert [row[:2] for row in table.rows] == [
+        ["16 beams", "3"],
+        ["all", "3"],
+        ["all, `mnsf`", "3"],
+    ]
+    (row,) = ratios.rows
+    assert row[2:] == ["1.20, better in 1 of 3 worlds", "met"]
+    assert not any("mnsf" in row[0] for row in targets.rows)
+    # Both cells are rounded to millimetres.
+    assert all(float(row[3]) == pytest.approx(2 * float(row[2]), abs=2e-3) for row in kinds.rows)
 
 
 def test_the_worst_tenth_is_at_the_bad_end(load, score):
