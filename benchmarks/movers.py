@@ -127,8 +127,8 @@ def kitti_tables(half: str, methods: Sequence[str]) -> Iterator[Table]:
     for each in further[::2]:
         ratio = dynamic_m[each] / dynamic_m[first]
         targets.append(Target(f"{KITTI}, {each}: {_RATIO} {first}", _MAX_RATIO, ratio))
-    rows = [each.row() for each in targets]
-    yield Table("Targets, real drive", TARGET_HEADER, rows, is_detail=True)
+    cells = [each.row() for each in targets]
+    yield Table("Targets, real drive", TARGET_HEADER, cells, is_detail=True)
 
 
 def in_processes(
