@@ -74,17 +74,12 @@ def _tables(seeds: Sequence[int], num_workers: int, cache: Path) -> Iterator[Tab
     # Means over worlds beside the real drive.
     means = pd.concat(worlds).groupby(level=0, sort=False).mean()
     parts = {"worlds": means} if kitti.empty else {KITTI: kitti, "worlds": means}
-    header = ["", *(f"{part}: {name}" for part, own in parts.items() for name in own)]
+    table = pd.concat(parts, axis=1).loc[means.index]
+    header = ["", *(f"{part}: {name}" for part, name in table)]
     rows = [
-        [
-            row,
-            *(
-                f"{value:.{1 if 'CPU' in name else 3}f}"
-                for own in parts.values()
-                for name, value in own.loc[row].items()
-            ),
-        ]
-        for row in means.index
+        # Errors and shares to the third digit, times without.
+        [row, *(f"{value:.{0 if value > 10 else 3}f}" for value in values)]
+        for row, values in zip(table.index, table.to_numpy(), strict=True)
     ]
     title = f"{KITTI}, second half; random worlds, seeds {seeds[0]} to {seeds[1] - 1}, means"
     yield Table(title, header, rows)

@@ -55,7 +55,8 @@ _MORE: Final = {
     "ego motion": ("ego motion (m)", False),
 }
 FIGURES: Final = _MAIN | _MORE
-# Median dynamic EPE over that of the first method.
+# Limit for further methods.
+_RATIO: Final = "dynamic EPE over that of"
 _MAX_RATIO: Final = 1.3
 # A band of confidence with fewer points is not judged.
 _MIN_BAND_POINTS: Final = 500
@@ -84,9 +85,7 @@ def main() -> None:
 def add_world_options(parser: argparse.ArgumentParser, seeds: tuple[int, int]) -> None:
     """Adds `--seeds`, `--workers` and `--cache`."""
     chosen = parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=seeds)
-    chosen.help = "worlds from A to B - 1 (default: {} {}; 0 1000 are all for tuning)".format(
-        *seeds
-    )
+    chosen.help = f"worlds from A to B - 1 (default: {seeds[0]} {seeds[1]}; 0 1000: for tuning)"
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
     cache = parser.add_argument("--cache", type=Path, default=CACHE)
     cache.help = "of worlds (default: %(default)s)"
@@ -99,15 +98,14 @@ def kitti_tables(half: str, methods: Sequence[str]) -> Iterator[Table]:
         return
     middle = len(kitti) // 2
     counted = range(NUM_FIRST, middle) if half == "tuned" else range(middle, len(kitti) - 1)
-    # Row to whether it is from scratch, for each method.
-    kinds = {KITTI: False, f"{KITTI}, two sweeps": True}
-    names = {(each, kind): _row_name(kind, each, methods) for each in methods for kind in kinds}
+    kinds = (("", False), (", two sweeps", True))
+    runs = {f"`{each}`{text}": (each, scratch) for each in methods for text, scratch in kinds}
     rows = [
         one.row
-        for (each, kind), name in names.items()
-        for one in scored(name, kitti, counted, method=each, from_scratch=kinds[kind])
+        for name, (each, scratch) in runs.items()
+        for one in scored(name, kitti, counted, method=each, from_scratch=scratch)
     ]
-    summary = summarize(rows, list(names.values()))
+    summary = summarize(rows, list(runs))
     columns = {
         "movers.recall": "recall",
         "movers.precision": "precision",
@@ -120,26 +118,17 @@ def kitti_tables(half: str, methods: Sequence[str]) -> Iterator[Table]:
     ]
     yield Table(f"{KITTI}, {half} half", ["", *columns.values()], cells)
     dynamic_m, static_m = (summary[f"errors.{part}.epe_m"] for part in ("dynamic", "static"))
-    first, pairs, *_ = names.values()
+    first, pairs, *further = runs
     targets = [
-        Target(f"{first}: dynamic EPE (m)", 0.04, dynamic_m[first]),
-        Target(f"{first}: static EPE (m)", 0.01, static_m[first]),
-        Target(f"{pairs}: dynamic EPE (m)", 0.045, dynamic_m[pairs]),
+        Target(f"{KITTI}, {first}: dynamic EPE (m)", 0.04, dynamic_m[first]),
+        Target(f"{KITTI}, {first}: static EPE (m)", 0.01, static_m[first]),
+        Target(f"{KITTI}, {pairs}: dynamic EPE (m)", 0.045, dynamic_m[pairs]),
     ]
-    for each in methods[1:]:
-        ratio = dynamic_m[names[each, KITTI]] / dynamic_m[first]
-        targets.append(Target(f"{KITTI}, `{each}`: {_ratio_name(methods)}", _MAX_RATIO, ratio))
-    yield Table(
-        "Targets, real drive", TARGET_HEADER, [each.row() for each in targets], is_detail=True
-    )
-
-
-def _row_name(name: str, method: str, methods: Sequence[str]) -> str:
-    return f"`{method}`, {name}" if len(methods) > 1 else name
-
-
-def _ratio_name(methods: Sequence[str]) -> str:
-    return f"dynamic EPE over that of `{methods[0]}`"
+    for each in further[::2]:
+        ratio = dynamic_m[each] / dynamic_m[first]
+        targets.append(Target(f"{KITTI}, {each}: {_RATIO} {first}", _MAX_RATIO, ratio))
+    cells = [each.row() for each in targets]
+    yield Table("Targets, real drive", TARGET_HEADER, cells, is_detail=True)
 
 
 def in_processes(
@@ -179,23 +168,21 @@ def figures(scores: Sequence[WorldScore]) -> pd.DataFrame:
 
 def world_tables(scores: Sequence[WorldScore]) -> Iterator[Table]:
     """Median and worst tenth for each kind of lidar, and targets; then methods side by side."""
-    methods = list(dict.fromkeys(one.method for one in scores))
-    of_first = [one for one in scores if one.method == methods[0]]
-    moving = [one for one in of_first if one.scenario != _STANDING]
+
+    def chosen(method: str, scenario: str) -> list[WorldScore]:
+        return [one for one in scores if (one.method, one.scenario) == (method, scenario)]
+
+    by_method = {each: chosen(each, "random") for each in dict.fromkeys(o.method for o in scores)}
+    first, *further = by_method
+    moving = by_method[first]
     groups = {lidar: [one for one in moving if one.lidar == lidar] for lidar in _LIDARS}
-    groups |= {_ALL: moving, _STANDING: [one for one in of_first if one.scenario == _STANDING]}
+    groups |= {_ALL: moving, _STANDING: chosen(first, _STANDING)}
     groups = {name: own for name, own in groups.items() if own}
-    further = {
-        f"{name}, `{method}`": [
-            one
-            for one in scores
-            if one.method == method and (one.scenario == _STANDING) == (name == _STANDING)
-        ]
-        for method in methods[1:]
-        for name in (_ALL, _STANDING)
-        if name in groups
-    }
-    shown = groups | further
+    shown = dict(groups)
+    for method in further:
+        shown[f"{_ALL}, `{method}`"] = by_method[method]
+        if _STANDING in groups:
+            shown[f"{_STANDING}, `{method}`"] = chosen(method, _STANDING)
     seeds = [one.seed for one in moving]
     title = f"Random worlds, seeds {min(seeds)} to {max(seeds)}: median/worst tenth"
     header = ["", "worlds", *(text for text, _ in _MAIN.values()), "stops"]
@@ -206,16 +193,11 @@ def world_tables(scores: Sequence[WorldScore]) -> Iterator[Table]:
     header = ["", *(text for text, _ in _MORE.values()), "confidence off by", "from two sweeps"]
     rows = [[name, *_spreads(own, _MORE), *_off(own)] for name, own in shown.items()]
     yield Table("More of the worlds: median/worst tenth", header, rows, is_detail=True)
-    by_method = {
-        method: [one for one in scores if one.method == method and one.scenario != _STANDING]
-        for method in methods
-    }
     yield _kind_table(by_method)
-    found = [target for name, own in groups.items() for target in targets(name, own)]
-    if len(methods) > 1:
-        ratios = list(_ratio_targets(by_method))
-        yield Table("Median dynamic EPE", TARGET_HEADER, [each.row() for each in ratios])
-    rows = [target.row() for target in found]
+    if further:
+        rows = [target.row() for target in _ratio_targets(by_method)]
+        yield Table("Median over worlds", TARGET_HEADER, rows)
+    rows = [target.row() for name, own in groups.items() for target in targets(name, own)]
     yield Table("Targets, random worlds", TARGET_HEADER, rows, is_detail=True)
 
 
@@ -242,13 +224,13 @@ def _ratio_targets(scores: Mapping[str, Sequence[WorldScore]]) -> Iterator[Targe
         for method, own in scores.items()
     }
     first, *further = errors_m
+    # Worlds without movers have no error.
+    count = np.count_nonzero(~np.isnan(errors_m[first]))
     for method in further:
-        # Without movers in a world there is no error of either.
-        ratio = np.nanmedian(errors_m[method]) / np.nanmedian(errors_m[first])
+        ratio = spread(scores[method], "dynamic EPE")[0] / spread(scores[first], "dynamic EPE")[0]
         number = np.count_nonzero(errors_m[method] < errors_m[first])
-        count = np.count_nonzero(~np.isnan(errors_m[first]))
         text = f"{ratio:.2f}, better in {number} of {count} worlds"
-        yield Target(f"`{method}`: {_ratio_name(list(errors_m))}", _MAX_RATIO, ratio, text=text)
+        yield Target(f"`{method}`: {_RATIO} `{first}`", _MAX_RATIO, ratio, text=text)
 
 
 def _spreads(scores: Sequence[WorldScore], names: Iterable[str]) -> list[str]:
