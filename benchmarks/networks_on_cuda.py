@@ -28,13 +28,16 @@ from mnsf_ros.sweeps.sweep import Sweep
 # Estimates before the clock counts: the first ones load kernels.
 _NUM_WARM_UP: Final = 2
 _MAX_P95_MS: Final = 150.0
-# Rows: PRESET/METHOD; the first has the target.
+_MAX_WARM_P95_MS: Final = 80.0
+# Rows: PRESET/METHOD. The first and the last one have targets; the last one are networks of the
+# paper's size that go on from sweep to sweep, on all points of what may move.
 ROWS: Final = (
     "paper/mnsf",
     "paper/mnsf+distance.kind=bricks+distance.truncation_m=2",
     "paper/mnsf+compute.cuda_graphs=false",
     "authors/mnsf",
     "paper/nsfp",
+    "mnsf/mnsf+field.num_hidden_layers=8+field.hidden_width=128+optimization.max_points=0",
 )
 # Time of bricks over that of the grid, which edt makes, for a whole sweep on one core.
 _MAX_RATIO: Final = 0.3
@@ -74,7 +77,8 @@ def _tables(sweeps: Sequence[TrueSweep], device: str, number: int) -> Iterator[T
         name = torch.cuda.get_device_name() if device == "cuda" else "CPU"
         title = f"{name}, torch {torch.__version__}, {len(sweeps[0].sweep):,} points a sweep"
         yield Table(title, header, _rows(measured))
-        targets.append(Target(f"p95 (ms): {ROWS[0]}", _MAX_P95_MS, measured[ROWS[0]][1]))
+        for name, limit_ms in ((ROWS[0], _MAX_P95_MS), (ROWS[-1], _MAX_WARM_P95_MS)):
+            targets.append(Target(f"p95 (ms): {name}", limit_ms, measured[name][1]))
     yield Table("Target", TARGET_HEADER, [target.row() for target in targets])
 
 

@@ -15,7 +15,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device, on_device, one_thread
+from mnsf_ros.core.compute_device import (
+    compute_device,
+    layer_precision,
+    on_device,
+    one_thread,
+)
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.target_distance import TargetDistance
@@ -88,6 +93,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             estimate,
             fits=self._fits,
             device=compute_device(self.settings.compute).type,
+            precision=str(layer_precision(self.settings.compute)).removeprefix("torch."),
             distance_kind=", ".join(sorted(kinds)),
         )
 
