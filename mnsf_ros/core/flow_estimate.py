@@ -213,7 +213,7 @@ class FlowEstimate:
         fits: Stage to result of its optimization, for forward, backward and fusion.
         start: Whether it went on from the last triplet, or why not.
         device: `cpu` or `cuda`.
-        distance_kind: `grid`, `bricks` or `tree`; empty for methods that have none.
+        distance_kind: `grid`, `bricks`, `cells` or `tree`; empty for methods that have none.
         precision: Of the products between hidden layers, `float32` or `bfloat16`; empty for methods
             that have none.
         over_ground: Motion without the ego motion, of methods that estimate it.

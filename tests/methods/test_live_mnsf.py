@@ -27,6 +27,8 @@ from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
 STREET = BoxStreet()
 # The boxes have fewer points than real objects.
 SETTINGS = preset("mnsf").changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
+# Where it is not about the flow.
+SHORT = SETTINGS.changed({"live.first_iterations": 10})
 POINTS_PER_CAR = 400
 # Over the ground, metres per tenth of a second.
 FAST, SLOW = (0.8, 0.05), (0.4, 0.0)
@@ -177,24 +179,24 @@ class TestOnADrive:
 
 class TestNetworksGoOn:
     def test_with_weights_and_optimizers_from_triplet_to_triplet(self, states):
-        estimator = estimator_of()
+        estimator = make_method("mnsf", SHORT)
         for each in drive(3):
             estimator.estimate(each)
         assert is_fresh(states[0][0])
         for (_, after), (before, _) in pairwise(states):
             assert_same_state(before, after)
-        first, later = SETTINGS.live.first_iterations, SETTINGS.optimization.max_iterations
+        first, later = SHORT.live.first_iterations, SHORT.optimization.max_iterations
         steps = [after["backward 0 step"].item() for _, after in states]
         assert steps == [first, first + later, first + 2 * later]
-        assert states[1][1]["fusion 0 step"] == first + SETTINGS.fusion.max_iterations
+        assert states[1][1]["fusion 0 step"] == first + SHORT.fusion.max_iterations
         # Each fit teaches all three.
         for stage in STAGES:
             names = [name for name in states[1][0] if name.startswith(stage) and "weight" in name]
             assert all(not torch.equal(states[1][0][name], states[1][1][name]) for name in names)
 
     def test_under_settings_that_are_not_theirs(self, states):
-        stream = pushed(Stream(SETTINGS), 0, 1, 2)
-        stream.change_settings(SETTINGS.changed({"objects.min_probability": 0.7}))
+        stream = pushed(Stream(SHORT), 0, 1, 2)
+        stream.change_settings(SHORT.changed({"objects.min_probability": 0.7}))
         assert stream.push(sweep(3)).start is Start.WARM
         assert_same_state(states[1][0], states[0][1])
 
@@ -209,20 +211,20 @@ class TestNetworksGoOn:
         ids=str,
     )
     def test_not_under_other_settings_of_theirs(self, states, change):
-        stream = pushed(Stream(SETTINGS), 0, 1, 2)
-        stream.change_settings(SETTINGS.changed(change))
+        stream = pushed(Stream(SHORT), 0, 1, 2)
+        stream.change_settings(SHORT.changed(change))
         result = stream.push(sweep(3))
         assert is_fresh(states[1][0])
-        assert steps_of(result) == 3 * [SETTINGS.live.first_iterations]
+        assert steps_of(result) == 3 * [SHORT.live.first_iterations]
 
     def test_not_without_warm_start(self, states):
-        estimator = estimator_of(**{"warm_start.enabled": False})
+        estimator = make_method("mnsf", SHORT.changed({"warm_start.enabled": False}))
         results = [estimator.estimate(each) for each in drive(3)]
         assert {each.start for each in results} == {Start.COLD_BY_SETTING}
         for result, (before, _) in zip(results, states, strict=True):
-            assert steps_of(result) == 3 * [SETTINGS.live.first_iterations]
+            assert steps_of(result) == 3 * [SHORT.live.first_iterations]
             assert_same_state(before, states[0][0])
-        assert_same_bits(results[0], estimate(drive(1)[0]))
+        assert_same_bits(results[0], make_method("mnsf", SHORT).estimate(drive(1)[0]))
 
 
 def pushed(stream, *indices):
@@ -242,7 +244,7 @@ def pushed(stream, *indices):
     ],
 )
 def test_another_stretch_starts_from_scratch(states, indices, frame_id, start):
-    settings = SETTINGS.changed({"ego_motion.max_gap_s": 0.5, "buffer.max_interval_s": 0.5})
+    settings = SHORT.changed({"ego_motion.max_gap_s": 0.5, "buffer.max_interval_s": 0.5})
     stream, new = pushed(Stream(settings), 0, 1, 2, 3), Stream(settings)
     if indices == "reset":
         stream.reset()
