@@ -130,8 +130,7 @@ def _least_ms(call: Callable[[], object], is_on_cuda: bool) -> float:
 
 def _measured(name: str, sweeps: Sequence[TrueSweep], device: str, number: int) -> list[float]:
     """Median and p95 of the time (ms), and peak of the memory (MB), NaN on the CPU."""
-    preset_name, method = name.split("/")
-    estimator = make_method(method, preset(preset_name).changed({"compute.device": device}))
+    estimator = make_method(name, preset("paper").changed({"compute.device": device}))
     if device == "cuda":
         torch.cuda.empty_cache()
         torch.cuda.reset_peak_memory_stats()

@@ -82,17 +82,11 @@ def converted(out: Path, kind: str, name: str, *options: str) -> Path:
 def evaluated(
     recording: Path, out: Path, seed: int, rows: Sequence[str], *options: str
 ) -> pd.DataFrame:
-    """Figures of each row: a method, or PRESET/METHOD, with the settings of a variant."""
-    found = []
-    for name in dict.fromkeys(row.rpartition("/")[0] or "paper" for row in rows):
-        own = [row for row in rows if (row.rpartition("/")[0] or "paper") == name]
-        methods = ",".join(row.rpartition("/")[2] for row in own)
-        folder = out / name
-        resume = ("--resume",) if (folder / "run.json").exists() else ()
-        chosen = ("--preset", name, "--methods", methods, "--seed", str(seed), *options, *resume)
-        _run("evaluate", str(recording), "--out", str(folder), "--pictures", "0", *chosen)
-        found.append(_figures(folder / "results.csv").set_axis(own))
-    return pd.concat(found).loc[list(rows)]
+    """Figures of each row, a method by its name."""
+    resume = ("--resume",) if (out / "run.json").exists() else ()
+    chosen = ("--methods", ",".join(rows), "--seed", str(seed), *options, *resume)
+    _run("evaluate", str(recording), "--out", str(out), "--pictures", "0", *chosen)
+    return _figures(out / "results.csv").loc[list(rows)]
 
 
 def _run(*words: str) -> None:

@@ -6,6 +6,7 @@ For comparison: `paper`, the published method, and `authors`, their released cod
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import NamedTuple
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import SettingValue
@@ -106,7 +107,8 @@ def nearest_preset(
 def settings_for(method: str, settings: Settings) -> Settings:
     """Returns the settings of a method by its name.
 
-    A variant, see `variant_of`, has those of its method with its own changes.
+    A variant, see `variant_of`, has those of its preset, then the explicit settings, then its own
+    changes.
 
     A method with a preset of its own name, such as `online`, gets that preset in place of another
     method's, and the explicit settings on top. So `mnsf evaluate --preset paper` runs `online` as
@@ -115,22 +117,50 @@ def settings_for(method: str, settings: Settings) -> Settings:
     Args:
         method: Name of a method or variant.
         settings: A preset, possibly with changes. `method.name` is the method that it is made for.
-    """
-    method, changes = variant_of(method)
-    is_for_method = settings.method.name == method and "method.name" not in settings.explicit
-    if method in _PRESETS and not is_for_method:
-        explicit = {name: settings.value_of(name) for name in settings.explicit}
-        settings = preset(method).changed(explicit)
-    return settings.changed(changes)
-
-
-def variant_of(method: str) -> tuple[str, dict[str, SettingValue]]:
-    """Returns the name of a method and the settings that follow it: `mnsf+fusion.kind=mean`.
 
     Raises:
-        SettingsError: A setting is unknown, or its value cannot be used.
+        SettingsError: As `variant_of`.
+    """
+    variant = variant_of(method)
+    is_for_method = (
+        settings.method.name == variant.method and "method.name" not in settings.explicit
+    )
+    name = variant.preset
+    if not name and variant.method in _PRESETS and not is_for_method:
+        name = variant.method
+    if name:
+        explicit = {one: settings.value_of(one) for one in settings.explicit}
+        settings = preset(name).changed(explicit)
+    return settings.changed(variant.changes)
+
+
+class Variant(NamedTuple):
+    """A method with settings, by its name `PRESET/METHOD+SETTING=VALUE`.
+
+    Attributes:
+        preset: Name of a preset; empty if the name has none.
+        method: Name of the method.
+        changes: Setting to value.
+    """
+
+    preset: str
+    method: str
+    changes: dict[str, SettingValue]
+
+
+def variant_of(method: str) -> Variant:
+    """Returns the parts of a name: `mnsf`, `paper/mnsf`, `paper/mnsf+fusion.kind=mean`.
+
+    Raises:
+        SettingsError: The preset or a setting is unknown, or a value cannot be used.
     """
     if ":" in method:  # a command, or a folder of files
-        return method, {}
-    name, *changes = method.split("+")
-    return name, parse_assignments(changes)
+        return Variant("", method, {})
+    start, *changes = method.split("+")
+    preset_name, slash, name = start.rpartition("/")
+    if slash and preset_name not in _PRESETS:
+        known = ", ".join(_PRESETS)
+        raise SettingsError(
+            f"method {method!r}: unknown preset {preset_name!r}, expected one of {known}"
+        )
+    return Variant(preset_name, name, parse_assignments(changes))

@@ -66,6 +66,7 @@ def add_evaluate(arguments: Arguments) -> str:
     what.value(
         "--methods NAME,...",
         "methods to compare, see docs/evaluation.md; NAME+SETTING=VALUE is a variant of a method, "
+        "PRESET/NAME has the settings of a preset (paper/mnsf,mnsf/mnsf), "
         "file:DIR scores flow from files, "
         "command:LINE runs another program (the rest of the text is its command line); may be "
         f"repeated (default: {','.join(DEFAULT_METHODS)}; without PyTorch {DEFAULT_METHODS[0]})",

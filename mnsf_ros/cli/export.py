@@ -75,7 +75,7 @@ def _export_open_scene_flow(
     options.out.mkdir(parents=True, exist_ok=True)
     for recording in recordings:
         path = options.out / f"{recording.name}.h5"
-        key = options.key or options.method
+        key = options.key or options.method.replace("/", "_")
         with open_scene_flow_writer(
             path, key, labels=options.labels, overwrite=options.force
         ) as writer:

@@ -1,7 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Methods by name: our own, and those of other installed packages.
 
-A name with settings behind it, `mnsf+fusion.kind=mean`, is a variant of that method.
+A name with a preset before it or settings behind it, `paper/mnsf+fusion.kind=mean`, is a variant of
+that method.
 
 Another package registers a method with an entry point in the group `mnsf_ros.methods`. Its name
 is the name of the method; its object is called with the settings and returns an estimator, see
@@ -132,7 +133,7 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
     """Makes a new estimator of a method.
 
     Args:
-        name: One of `method_names`, also with settings behind it (`mnsf+fusion.kind=mean`), or
+        name: One of `method_names`, also as a variant (`paper/mnsf+fusion.kind=mean`), or
             `command:` and a command line.
         settings: Of the estimate. A variant changes its settings on top, and `online` takes its own
             preset instead of `paper` or `authors`, see `settings_for`.
@@ -144,7 +145,7 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
         MethodError: If another package offers it and fails.
     """
     try:
-        return _maker(variant_of(name)[0])(settings_for(name, settings))
+        return _maker(variant_of(name).method)(settings_for(name, settings))
     except ModuleNotFoundError as error:
         raise LibraryError(f"method {name!r}: {library_missing(error)}") from error
     except ImportError as error:

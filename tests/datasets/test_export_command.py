@@ -92,6 +92,12 @@ def test_estimates_are_added_to_a_file_and_replaced_by_force_only(street, export
     assert not arrays(exported, stamp)["ego"].any()
 
 
+def test_estimates_have_a_name_without_the_slash_of_the_method(street, exported, truth):
+    command = ["export", "opensceneflow", str(street), "--out", str(exported.parent)]
+    assert run([*command, "--method", "paper/zero"]) == 0
+    assert not arrays(exported, next(iter(truth)))["paper_zero"].any()
+
+
 def test_labels_to_train_on_are_the_estimate(street, tmp_path, truth):
     command = ["export", "opensceneflow", str(street), "--out", str(tmp_path), "--labels"]
     assert run(command) == 0

@@ -73,6 +73,21 @@ def test_bag_in_table_and_report_out(bag, tmp_path, mnsf):
     assert "data:image/png" in (out / "report.html").read_text()
 
 
+def test_both_forms_of_a_method_in_one_table_with_pictures(bag, tmp_path, mnsf):
+    names = ["paper/fnsf", "mnsf/fnsf+optimization.max_iterations=2"]
+    ended = mnsf(bag, f"--methods={','.join(names)}", f"--out={tmp_path / 'out'}", pictures=1)
+    assert ended.status == COMPLETE
+    rows = rows_in(tmp_path / "out")
+    assert [row["method"] for row in rows] == [name for name in names for _ in range(4)]
+    lines = (tmp_path / "out" / "results.csv").read_text().splitlines()
+    assert all(any(f",{name}," in line for line in lines) for name in names)
+    # A folder of pictures for each, not one in another.
+    folders = list((tmp_path / "out" / "pictures").iterdir())
+    assert len(folders) == len(names)
+    assert all(file.is_file() for folder in folders for file in folder.iterdir())
+    assert "data:image/png" in (tmp_path / "out" / "report.html").read_text()
+
+
 def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, mnsf, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     ended = mnsf(bag, "--out", tmp_path / "out")

@@ -125,6 +125,40 @@ def test_unknown_name(name):
         make_method("mnsf-frames3", PAPER)
 
 
+@pytest.mark.parametrize("start", ["online", "mnsf", "paper"])
+def test_a_preset_before_the_name_replaces_the_one_that_is_chosen(start):
+    by_hand = {"crop.max_range_m": 30.0, "optimization.max_iterations": 7}
+    settings = preset(start).changed(by_hand)
+    for name in ("mnsf", "paper", "authors"):
+        made = make_method(f"{name}/mnsf", settings).settings
+        assert made == preset(name).changed(by_hand)
+        variant = make_method(f"{name}/mnsf+optimization.max_iterations=9", settings).settings
+        assert variant == made.changed({"optimization.max_iterations": 9})
+    # Also in place of a method's own.
+    assert make_method("paper/online", settings).settings == preset("paper").changed(by_hand)
+
+
+def test_published_and_live_form_of_a_method_side_by_side():
+    both = [make_method(f"{name}/mnsf", PAPER) for name in ("paper", "mnsf")]
+    assert [one.traits.carries_state for one in both] == [False, True]
+    assert make_method("mnsf", PAPER).settings == both[0].settings
+
+
+@pytest.mark.parametrize(
+    ("name", "preset_name"),
+    [("papr/mnsf", "papr"), ("/mnsf", ""), ("paper/mnsf/mnsf", "paper/mnsf")],
+)
+def test_unknown_preset_before_the_name(name, preset_name):
+    text = f"^method {name!r}: unknown preset {preset_name!r}, expected one of online, mnsf, paper"
+    with pytest.raises(SettingsError, match=text):
+        make_method(name, PAPER)
+
+
+def test_a_slash_in_a_folder_or_command_is_no_preset(tmp_path):
+    assert make_method(f"file:{tmp_path}", PAPER).settings == PAPER
+    assert make_method("command:paper/mnsf", PAPER).settings == PAPER
+
+
 @pytest.mark.parametrize("name", ["mnsf+fusion.kind", "mnsf+fusion.kind=sum", "mnsf+kind=mean"])
 def test_variant_with_a_wrong_setting(name):
     with pytest.raises(SettingsError, match="kind"):

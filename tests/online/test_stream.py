@@ -174,7 +174,7 @@ class TestSettings:
 
 
 def test_a_variant_keeps_its_settings_when_others_change(quick_settings, make_sweep):
-    stream = Stream(quick_settings, "mnsf+fusion.kind=mean")
+    stream = Stream(quick_settings, "paper/mnsf+fusion.kind=mean+optimization.max_iterations=2")
     sweeps = [make_sweep(index) for index in range(3)]
     for seed in (1, 2):
         stream.change_settings(quick_settings.changed({"compute.seed": seed}))
