@@ -23,7 +23,9 @@ def add_study(arguments: Arguments) -> str:
     arguments.settings()
     names = ("num_points", "max_examples", "seed")
     arguments.declared(EvaluationOptions, *names, num_points=2048)
-    case = arguments.group("landscape and stability, which use the first example")
+    case = arguments.group(
+        "landscape and stability, which use the first example; warm-start, the first recording"
+    )
     case.declared(CaseStudySettings)
     return _EPILOG
 

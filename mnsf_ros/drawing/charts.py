@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The loss landscape, and the picture of `mnsf explain`, as the bytes of a PNG file."""
+"""Pictures of the studies and of `mnsf explain`, as the bytes of a PNG file."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ _FAINT: Final = "#59626e"
 _PANEL_IN: Final = 3.2
 _LEGEND_IN: Final = 0.4
 _MARGIN_M: Final = 1.0
+# Colours and kind of line of each family of curves, for the colour-blind, too.
+_FAMILIES: Final = (("Blues", "-"), ("Oranges", "--"), ("Greys", ":"))
 # They can be told apart with colour blindness, too.
 _STATE_COLORS: Final = {
     "hit": "#14804a",
@@ -56,6 +59,39 @@ def height_maps(title: str, maps: "Mapping[str, pd.DataFrame]") -> bytes:
     bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
     bar.minorticks_off()
     figure.suptitle(title)
+    return png_bytes(figure)
+
+
+def curves(
+    title: str,
+    families: "Mapping[str, Mapping[str, pd.Series]]",
+    x_label: str,
+    y_label: str,
+) -> bytes:
+    """Draws curves from zero up; gaps stand where a value is NaN.
+
+    Args:
+        title: Title of the picture.
+        families: Up to three families of curves; of each the names and the values, with x as index.
+            A family has one colour, darker from curve to curve, and one kind of line.
+        x_label: Label of the x axis, a whole number.
+        y_label: Label of the y axis, with its unit.
+    """
+    figure = _figure(9.0, 4.5)
+    axes = figure.subplots()
+    for own, (colors, line) in zip(families.values(), _FAMILIES, strict=False):
+        shades = np.linspace(0.45, 0.95, len(own)) if len(own) > 1 else [0.75]
+        for (name, values), shade in zip(own.items(), shades, strict=True):
+            color = mpl.colormaps[colors](shade)
+            axes.plot(values.index, values, line, color=color, label=name, linewidth=1.8)
+    axes.set(xlabel=x_label, ylabel=y_label)
+    axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=(1, 2, 5, 10)))
+    axes.grid(visible=True, linewidth=0.5, alpha=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.02)
+    axes.set_title(title, loc="left", fontsize=11)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), frameon=False)
     return png_bytes(figure)
 
 

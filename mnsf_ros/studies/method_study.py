@@ -2,29 +2,19 @@
 """The paper's ablation tables: variants of the method, scored on the same examples."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
-from itertools import count
+from dataclasses import fields
 from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
-from mnsf_ros.evaluation.parallel import run_serially
-from mnsf_ros.evaluation.recordings import chosen_recordings
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import RunRecord, session_now
-from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.summary import errors_in
-from mnsf_ros.report.results_files import write_results
-from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult
+from mnsf_ros.studies.variants import evaluated, texts_on
 
 _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
-# As `mnsf evaluate` has it.
-_NUM_PICTURES: Final = 3
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 
 # Title of the table, and name of each row to its method.
@@ -73,31 +63,8 @@ def run(name: str, options: StudyOptions) -> StudyResult:
         OSError: Writing fails.
     """
     _, variants = _STUDIES[name]
-    evaluation = replace(options.evaluation, pictures=_NUM_PICTURES)
-    methods = evaluated_methods(variants.values(), evaluation)
-    evaluation = evaluation.for_methods(methods, pairs=False)
-    recordings = chosen_recordings(options.recordings)
-    if not any(recording.truth for recording in recordings):
-        raise RecordingError("the recordings hold no true flow, which the study compares with")
-    record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])
-    folder = RunFolder(options.out / "evaluation")
-    tasks, numbers = folder.begin(record, resume=options.resume), count(1)
-    for _, event in run_serially(tasks, evaluation):
-        folder.take(event)
-        if isinstance(event, ResultRow):
-            options.say(f"{next(numbers)}: {_said(event)}")
-    results = read_results(folder)
-    write_results(folder, results)
-    if not any(row.errors for row in results.table["row"]):
-        why = f": {results.notes[0].text}" if results.notes else ""
-        raise EvaluationError(f"no example could be scored{why}")
-    notes = [f"Note: {note.text}" for note in results.notes]
-    return _result(_STUDIES[name], results.summary, [*results.protocol, *notes], evaluation)
-
-
-def _said(row: ResultRow) -> str:
-    said = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else row.failure
-    return f"{row.method}, {row.recording} sweep {row.number}: {said}"
+    results = evaluated(variants.values(), options.evaluation, options.recordings, options)
+    return _result(_STUDIES[name], results.summary, texts_on(results), results.record.options)
 
 
 def _result(

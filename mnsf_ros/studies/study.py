@@ -32,6 +32,7 @@ STUDIES: Final = {
         "stability_study",
         "effect of replacing one point of N, expected to fall with 1/N",
     ),
+    "warm-start": ("warm_study", "errors over the sweeps since the start, warm and from scratch"),
 }
 
 
@@ -49,24 +50,48 @@ class CaseStudySettings:
     )
     repeats: int = declared(5, "stability: random draws for each number of points", 1, 10_000)
     methods: str = declared("nsfp,fnsf,mnsf", "stability: methods to compare")
+    warm_steps: str = declared(
+        "2,4,8", "warm-start: steps per sweep of networks that go on, in ascending order"
+    )
+    cold_steps: str = declared(
+        "8,40", "warm-start: steps of networks from scratch, in ascending order"
+    )
 
     def __post_init__(self) -> None:
         check_declared(self)
-        numbers = self.numbers_of_points
-        if len(numbers) < 3 or min(numbers) < 2 or numbers != sorted(set(numbers)):
-            raise SettingsError(
-                f"sizes: got {self.sizes}, expected 3 or more numbers from 2 in ascending order"
-            )
+        for name, count, least in (("sizes", 3, 2), ("warm_steps", 1, 1), ("cold_steps", 1, 1)):
+            text = getattr(self, name)
+            numbers = _numbers(text)
+            if len(numbers) < count or min(numbers) < least or numbers != sorted(set(numbers)):
+                raise SettingsError(
+                    f"{name}: got {text}, expected {count} or more numbers from {least} in "
+                    "ascending order"
+                )
 
     @property
     def numbers_of_points(self) -> list[int]:
         """The `sizes`."""
-        return [int(text) if text.isdecimal() else 0 for text in self.sizes.split(",")]
+        return _numbers(self.sizes)
+
+    @property
+    def numbers_of_warm_steps(self) -> list[int]:
+        """The `warm_steps`."""
+        return _numbers(self.warm_steps)
+
+    @property
+    def numbers_of_cold_steps(self) -> list[int]:
+        """The `cold_steps`."""
+        return _numbers(self.cold_steps)
 
     @property
     def method_names(self) -> list[str]:
         """The `methods`, each once."""
         return list(dict.fromkeys(self.methods.split(",")))
+
+
+def _numbers(text: str) -> list[int]:
+    """Whole numbers with commas between them; 0 stands for what is none."""
+    return [int(part) if part.isdecimal() else 0 for part in text.split(",")]
 
 
 @dataclass(frozen=True)
@@ -75,8 +100,8 @@ class StudyOptions:
 
     Attributes:
         out: Folder for all files of the study.
-        evaluation: How to estimate, and which examples; case studies use the first one alone. Its
-            seed is also that of all other draws.
+        evaluation: How to estimate, and which examples; `landscape` and `stability` use the first
+            one alone. Its seed is also that of all other draws.
         recordings: Paths of recordings.
         resume: Whether to continue with the files in the folder.
         command: The command line, for the record.

@@ -27,7 +27,15 @@ FEW_STEPS = {
     "optimization.max_iterations": 3,
     "fusion.max_iterations": 3,
 }
-SMALL = CaseStudySettings(directions=2, sizes="16,32,64", repeats=1, methods="fnsf,mnsf")
+SMALL = CaseStudySettings(
+    directions=2,
+    sizes="16,32,64",
+    repeats=1,
+    methods="fnsf,mnsf",
+    warm_steps="1,3",
+    cold_steps="2",
+)
+WITH_PICTURE = ("landscape", "warm-start")
 
 
 @pytest.fixture(scope="module")
@@ -73,19 +81,19 @@ def rows_of(paths):
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_study_writes_page_and_numbers_and_a_picture_of_the_landscape(name, studied):
+def test_study_writes_page_and_numbers_and_some_a_picture(name, studied):
     result, paths = studied(name)
     assert [path.name for path in paths[:2]] == [f"{name}.md", f"{name}.csv"]
     page = paths[0].read_text()
     assert page.startswith(f"# {result.title}\n")
     for fact in ("* seed: 0", "| field.hidden_width | 8 |", "* torch: "):
         assert fact in page
-    assert (f"({name}.png)" in page) == (name == "landscape") == (len(paths) == 3)
+    assert (f"({name}.png)" in page) == (name in WITH_PICTURE) == (len(paths) == 3)
     assert len(rows_of(paths)) == len(result.numbers) > 0
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths[2:])
 
 
-@pytest.mark.parametrize("name", ["ablation", "landscape", "stability"])
+@pytest.mark.parametrize("name", ["ablation", "landscape", "stability", "warm-start"])
 def test_study_is_the_same_the_second_time(name, studied, options):
     tables = []
     for _, paths in (studied(name), run_study(name, options)):
@@ -108,6 +116,39 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     others = replace(options.evaluation, max_examples=0)
     with pytest.raises(MnsfError, match="max_examples"):
         run_study("fusion", replace(options, resume=True, evaluation=others))
+
+
+def test_warm_networks_go_on_and_cold_ones_start_with_each_sweep(studied):
+    _, paths = studied("warm-start")
+    rows = rows_of(paths)
+    names = ["warm, 1 step", "warm, 3 steps", "cold, 2 steps", "online"]
+    places = [(row["variant"], row["sweep"], row["since_start"]) for row in rows]
+    assert places == [(name, number, number) for name in names for number in ("1", "2")]
+    assert all(float(row["dynamic_epe_m"]) > 0 and float(row["time_ms"]) > 0 for row in rows)
+    page = paths[0].read_text()
+    for text in ("| field.hidden_width | 8 |", "| live.enabled | True |", "points of a sweep: all"):
+        assert text in page
+    evaluation = RunFolder(paths[0].parent / "evaluation").read()[1]
+    steps = {
+        (row.method.removeprefix("mnsf/mnsf+"), row.number): row.iterations["forward"]
+        for row in evaluation
+        if row.method != "online"
+    }
+    assert steps == {
+        ("optimization.max_iterations=1", 1): 40,
+        ("optimization.max_iterations=1", 2): 1,
+        ("optimization.max_iterations=3", 1): 40,
+        ("optimization.max_iterations=3", 2): 3,
+        ("warm_start.enabled=false+live.first_iterations=2", 1): 2,
+        ("warm_start.enabled=false+live.first_iterations=2", 2): 2,
+    }
+
+
+def test_warm_start_needs_the_first_recording_alone_and_can_be_resumed(options, tmp_path):
+    options = replace(options, recordings=(*options.recordings, tmp_path / "nowhere"))
+    _, paths = run_study("warm-start", options)
+    before = rows_of(paths)
+    assert rows_of(run_study("warm-start", replace(options, resume=True))[1]) == before
 
 
 def test_settings_that_were_asked_for_stay():
@@ -141,6 +182,8 @@ def test_command_prints_what_it_does_and_finds(street, tmp_path, capsys):
         (["stability", "--sizes=16,32,100000"], "sizes: got 100000"),
         (["stability", "--sizes=64,128"], "sizes: got 64,128, expected 3 or more numbers"),
         (["stability", "--repeats=0"], "repeats: got 0, expected a whole number from 1 to"),
+        (["warm-start", "--warm-steps=8,4"], "warm_steps: got 8,4, expected 1 or more numbers"),
+        (["warm-start", "--cold-steps=0"], "cold_steps: got 0, expected 1 or more numbers from 1"),
         (["landscape", "--directions=0"], "directions: got 0, expected a whole number from 2 to"),
         (["landscape", "--set=ego_motion.removed=true"], "ego_motion.removed is true, expected"),
     ],
