@@ -111,7 +111,7 @@ def test_without_truth_or_rows_there_is_still_a_report(tmp_path):
 
 
 def test_text_of_others_is_no_markup(tmp_path):
-    bad = "<script>alert(1)</script>\"'&"
+    bad = "command:<script>alert(1)</script>\"'&"
     found = [row(1, bad, 0.1, recording=bad), failed(2, bad, bad, recording=bad)]
     page = report(tmp_path, found, run_record([bad], recordings=[recording(bad)]))
     assert page.all("script") == []

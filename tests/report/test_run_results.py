@@ -109,7 +109,7 @@ def test_columns_of_csv_keep_their_places():
 
 
 def test_text_of_others_has_no_tags_in_markdown():
-    bad = "<script>alert(1)</script>"
+    bad = "command:<script>alert(1)</script>"
     run = run_record([bad], recordings=[recording(bad)], sessions=[session({"machine": bad})])
     text = results_markdown(results_of(run, [row(1, bad, 0.1), failed(2, bad, bad)]))
     assert "<" not in text
