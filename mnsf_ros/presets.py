@@ -122,9 +122,10 @@ def settings_for(method: str, settings: Settings) -> Settings:
         SettingsError: As `variant_of`.
     """
     variant = variant_of(method)
-    is_for_method = (
-        settings.method.name == variant.method and "method.name" not in settings.explicit
-    )
+    # A user who names `online` on top of `paper` wants the preset `online`; one who names `mnsf`
+    # there has the settings of `mnsf` as published already.
+    is_given = "method.name" in settings.explicit and variant.method == "online"
+    is_for_method = settings.method.name == variant.method and not is_given
     name = variant.preset
     if not name and variant.method in _PRESETS and not is_for_method:
         name = variant.method

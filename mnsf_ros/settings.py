@@ -82,7 +82,7 @@ class EgoMotionSettings:
     """Ego motion: its estimation, and its removal for networks."""
 
     removed: bool = declared(
-        False, "Remove the ego motion before networks are fitted; online always does"
+        False, "Remove the ego motion before networks are fitted; online and live mnsf always do"
     )
     source: str = declared(
         "registration",
@@ -271,7 +271,7 @@ class LiveSettings:
     enabled: bool = declared(
         False,
         "Keep the networks from sweep to sweep and fit them where something may move (preset "
-        "mnsf); false: fit all points from scratch, as published",
+        "mnsf); false: fit all points from scratch (as published: preset paper)",
         fixed=True,
     )
     first_iterations: int = declared(

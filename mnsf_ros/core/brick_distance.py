@@ -180,7 +180,8 @@ class _Bricks:
 def _lowest(lines: torch.Tensor, width: int) -> torch.Tensor:
     """Minimum over offsets up to a width: (B, 16 + 2 width, 256) to (B, 16, 256)."""
     windows = lines.unfold(1, _NODES, 1).movedim(-1, 2).unbind(dim=1)
-    lowest = windows[width].contiguous()
+    # A copy: a single brick is contiguous as it is, and is read again below.
+    lowest = windows[width].clone(memory_format=torch.contiguous_format)
     farther = torch.empty_like(lowest)
     squares = torch.arange(width + 1).square().to(lines.dtype).unbind()
     for offset in range(1, width + 1):

@@ -19,8 +19,7 @@ class CellSearch:
 
     def __init__(self, points: torch.Tensor, reach_m: float) -> None:
         """Sorts (N, 3) points, metres, on the CPU. Larger distances count as the reach."""
-        self._points, self._reach_m = points, reach_m
-        # The grid has one reach: others are a matter of the unit.
+        # PointGrid has one reach; for others the points are scaled.
         self._scale = REACH_M / reach_m
         self._grid = PointGrid((self._scale * points).numpy())
 

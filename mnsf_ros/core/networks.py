@@ -89,7 +89,7 @@ def num_encoded(num_octaves: int) -> int:
 
 
 def encoded(positions: torch.Tensor, num_octaves: int) -> torch.Tensor:
-    """Encodes positions, so that a network learns flow that changes within metres sooner.
+    """Encodes positions, so that a network learns local changes of flow faster.
 
     Args:
         positions: (M, 3) metres.

@@ -26,19 +26,19 @@ STAGES: Final = ("forward", "backward", "fusion")
 
 
 class WarmNetworks:
-    """The three networks of the paper. Fresh ones say that nothing moves.
+    """The three networks of the paper. Fresh ones output zero flow.
 
     Attributes:
         networks: Stage to network: `forward` and `backward` from encoded positions to flow,
             `fusion` from both flows to one. Flow is in metres for one interval, the same for all.
-        num_fits: How many triplets they were fitted to.
+        fitted: The stages that were fitted before.
         random: Chooses the points of each step.
     """
 
     def __init__(self, settings: Settings) -> None:
         """Makes fresh networks on the device of the settings."""
         self._num_octaves = settings.live.num_octaves
-        self.num_fits = 0
+        self.fitted: set[str] = set()
         self.random = np.random.default_rng(settings.compute.seed)
         generator = torch.Generator().manual_seed(settings.compute.seed)
         precision = layer_precision(settings.compute)
@@ -70,7 +70,10 @@ class WarmNetworks:
             OptimizationError: If the loss is not finite.
             CancelledError: If the schedule says so.
         """
-        return minimize(self.networks[stage], loss_of, schedule, self._optimizers.get(stage))
+        network, optimizer = self.networks[stage], self._optimizers.get(stage)
+        result = minimize(network, loss_of, schedule, optimizer)
+        self.fitted.add(stage)
+        return result
 
     def flows(self, rows: torch.Tensor) -> torch.Tensor:
         """F and f' = -b, side by side: (M, C) encoded positions to (M, 6) metres."""

@@ -39,7 +39,7 @@ class _Pull:
         distance: D(p, S).
         rotation: (3, 3) from the axes of the world to the sensor frame of the sweep.
         shift: (3,) metres.
-        steps: (P, 1) how often a point has made the flow that is fitted by then.
+        steps: (P, 1) factor from the fitted flow to the motion until the sweep.
         weight: Of its loss.
     """
 
@@ -58,7 +58,7 @@ class _Pull:
             points: (B, 3) metres, axes of the world.
             flow: (B, 3) metres, likewise.
             widths: (B,) metres, below which the pull fades.
-            chosen: (B,) their numbers.
+            chosen: (B,) rows of these points in `steps`.
         """
         moved = (points + self.steps[chosen] * flow) @ self.rotation.T + self.shift
         distances = self.distance(moved)
@@ -104,7 +104,7 @@ class LiveFit:
         self._axes = scene.current.pose.world_from_sensor[:3, :3]
         self._points = self._tensor(objects.positions @ self._axes.T)
         self._rows = networks.encoded(self._points)
-        # A few points of each object tell its mean flow.
+        # The mean flow of an object is computed at a few of its points.
         self._few = objects.thinner()
         self._few_rows = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
         self._widths = self._tensor(objects.spacing + _FADING_M)
@@ -123,22 +123,23 @@ class LiveFit:
         """
         self._expected = self._motions()
         with clock.stage("forward"):
-            self._fit("forward", self._pulls([self._next], []), _FORWARD_DONE)
+            share = 1.0 if self._previous is None else _FORWARD_DONE
+            self._fit("forward", self._pulls([self._next], []), share)
         if self._previous is not None:
             near, past = self._previous, self._scene.targets.past
             with clock.stage("backward"):
                 self._fit("backward", self._pulls([near], past, is_backward=True), _FIELDS_DONE)
             with clock.stage("fusion"):
                 self._fit("fusion", self._pulls([self._next, near], past), 1.0)
-        self._networks.num_fits += 1
         motions = self._motions()
         if not np.isfinite(motions).all():
             raise OptimizationError("the flow is not finite; try a smaller learning rate")
         return motions
 
     def _motions(self) -> NDArray[np.float32]:
-        """(K, 3) metres, sensor axes, what the networks say by now."""
-        flow = self._networks.flow(self._few_rows, has_backward=self._previous is not None)
+        """(K, 3) metres, sensor axes, mean flow of each object by the current networks."""
+        has_backward = self._previous is not None and "backward" in self._networks.fitted
+        flow = self._networks.flow(self._few_rows, has_backward=has_backward)
         in_interval = self._intervals * flow.cpu().numpy() @ self._axes
         sums = self._few.sums(in_interval.astype(np.float32))
         return np.asarray(sums / self._few.counts[:, None], np.float32)
@@ -163,8 +164,8 @@ class LiveFit:
             1.0 / abs(target.steps * unit),
         )
 
-    def _fit(self, stage: str, pulls: _Pulls, done: float) -> None:
-        """Some steps of a network, each with other points, until a share of the time budget."""
+    def _fit(self, stage: str, pulls: _Pulls, share_of_budget: float) -> None:
+        """Some steps of a network, each with other points, within a share of the time budget."""
         flow_of = self._fused if stage == "fusion" else self._networks.networks[stage]
 
         def loss_of() -> torch.Tensor:
@@ -174,7 +175,9 @@ class LiveFit:
             losses = [pull.loss(points, flow, widths, chosen) for pull in pulls.of_a_step()]
             return torch.stack(losses).sum()
 
-        self.fits[stage] = self._networks.fit(stage, loss_of, self._schedule(stage, done))
+        self.fits[stage] = self._networks.fit(
+            stage, loss_of, self._schedule(stage, share_of_budget)
+        )
 
     def _fused(self, rows: torch.Tensor) -> torch.Tensor:
         """The fused flow at encoded positions; f and f' are fixed."""
@@ -190,17 +193,18 @@ class LiveFit:
             return torch.from_numpy(chosen).to(self._device)
         return torch.arange(number, device=self._device)
 
-    def _schedule(self, stage: str, done: float) -> Schedule:
+    def _schedule(self, stage: str, share_of_budget: float) -> Schedule:
         """Steps of one network."""
         settings = self._settings.optimization
-        group = self._settings.fusion if stage == "fusion" else settings
-        is_fresh = self._networks.num_fits == 0
+        limits = self._settings.fusion if stage == "fusion" else settings
+        is_fresh = stage not in self._networks.fitted
         return Schedule(
             max_iterations=(
-                self._settings.live.first_iterations if is_fresh else group.max_iterations
+                self._settings.live.first_iterations if is_fresh else limits.max_iterations
             ),
             learning_rate=settings.learning_rate,
-            deadline=self._started_s + done * (settings.time_budget_ms / 1e3 or math.inf),
+            deadline=self._started_s
+            + share_of_budget * (settings.time_budget_ms / 1e3 or math.inf),
             cancelled=self._cancelled,
             # Each step has other points.
             records_steps=False,

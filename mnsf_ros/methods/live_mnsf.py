@@ -4,7 +4,7 @@
 Section 3 of the paper, where something may move: a forward field, a backward field, inversion and
 a learned fusion, each fitted by a few steps that start from the weights of the last triplet. Ego
 motion, ground, objects, the gate, tracks and the output are those of the online method: an object
-that passes the gate has the mean of the fused flow of its points, which may turn.
+that passes the gate has the mean of the fused flow at a few of its points, and may turn.
 """
 
 import copy
@@ -55,6 +55,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         # Of the sweeps that may be a target again, as long as these are kept.
         self._distances: MutableMapping[ObjectSweep, TargetDistance] = WeakKeyDictionary()
         self._fits: dict[str, OptimizationResult] = {}
+        self._kinds: set[str] = set()
         self._cancelled: Callable[[], bool] = never
 
     def with_settings(self, settings: Settings) -> "LiveMnsfEstimator":
@@ -81,26 +82,28 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         """
         if triplet.stretch is not self._stretch or not self.settings.warm_start.enabled:
             self._stretch, self._networks = triplet.stretch, None
-        self._cancelled, self._fits = cancelled, {}
-        are_fresh = self._networks is None
+        self._cancelled, self._fits, self._kinds = cancelled, {}, set()
+        are_fresh = self._networks is None or not self._networks.fitted
         with one_thread():
             estimate = super().estimate(triplet, cancelled, prepared)
-        if estimate.start is Start.WARM and are_fresh:
-            # Tracks go on where networks do not: after other settings, a failed fit, an empty road.
+        if estimate.start is Start.WARM and are_fresh and self._fits:
+            # Tracks may be warm while networks are fresh: after other settings, or a failed fit.
             estimate = replace(estimate, start=Start.COLD_NETWORKS)
-        kinds = {distance.kind for distance in self._distances.values()}
         return replace(
             estimate,
             fits=self._fits,
             device=compute_device(self.settings.compute).type,
             precision=str(layer_precision(self.settings.compute)).removeprefix("torch."),
-            distance_kind=", ".join(sorted(kinds)),
+            distance_kind=", ".join(sorted(self._kinds)),
         )
 
     def guesses(
         self, suspects: Suspects, scene: Scene, clock: StageClock
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Fits the networks. The motions of K suspects, (K, 3) metres, and (K,) if they explain.
+        """Fits the networks.
+
+        Returns the motions of K suspects, (K, 3) metres, and (K,) whether each explains its object
+        clearly better than none.
 
         Raises:
             OptimizationError: If a loss or the flow is not finite.
@@ -137,10 +140,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
     def _distance_to(self, target: Target) -> TargetDistance:
         """D(p, S) of a sweep, built once."""
         sweep = target.sweep
-        if sweep not in self._distances:
+        distance = self._distances.get(sweep)
+        if distance is None:
             points = on_device(sweep.thinned, compute_device(self.settings.compute))
-            self._distances[sweep] = TargetDistance.to_points(points, self.settings.distance)
-        return self._distances[sweep]
+            distance = TargetDistance.to_points(points, self.settings.distance)
+            self._distances[sweep] = distance
+        self._kinds.add(distance.kind)
+        return distance
 
 
 def _of_networks(settings: Settings) -> tuple[object, ...]:

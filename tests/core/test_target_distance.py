@@ -6,6 +6,7 @@ import math
 import pytest
 import torch
 
+from mnsf_ros.core import brick_distance
 from mnsf_ros.core.brick_distance import BrickDistance
 from mnsf_ros.core.cell_search import CellSearch
 from mnsf_ros.core.distance_transform import DistanceTransform, nodes_around
@@ -147,6 +148,15 @@ def test_bricks_are_the_same_with_any_number_of_threads(points, generator):
             results.append((bricks(positions), pull_of(bricks, positions)))
     finally:
         torch.set_num_threads(num_threads)
+    torch.testing.assert_close(*results, atol=0, rtol=0)
+
+
+def test_a_single_brick_in_a_batch_is_as_right_as_several(generator, monkeypatch):
+    points = 3 * torch.rand(50, 3, generator=generator)
+    results = []
+    for batch in (1, 64):
+        monkeypatch.setattr(brick_distance, "_batch_size", lambda device, size=batch: size)
+        results.append(in_bricks(points, 0.1, 1.0)(points + 0.3))
     torch.testing.assert_close(*results, atol=0, rtol=0)
 
 
