@@ -62,6 +62,10 @@ KINDS = {
     ),
     "mcap file with checksums": lambda p: tiny_bags.write_checked_mcap(p / "bag.mcap"),
     "mcap file, lz4": lambda p: tiny_bags.write_checked_mcap(p / "bag.mcap", CompressionType.LZ4),
+    # Two channels of one topic: findings/pybag-two-publishers.sh has a reader that finds only one.
+    "mcap file of two publishers": lambda p: tiny_bags.write_checked_mcap(
+        p / "bag.mcap", num_publishers=2
+    ),
     "unindexed mcap file": lambda p: tiny_bags.write_unindexed_mcap(p / "bag.mcap"),
     "unindexed mcap file with a summary": lambda p: tiny_bags.write_unindexed_mcap(
         p / "bag.mcap", has_summary=True

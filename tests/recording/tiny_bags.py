@@ -103,16 +103,23 @@ def write_checked_mcap(
     chunk_size=1,
     *,
     order=range(NUM_CLOUDS),
+    num_publishers=1,
 ):
-    """An mcap file as rosbag2 writes it: chunks with checksums, by default one for each cloud."""
+    """An mcap file as rosbag2 writes it: chunks with checksums, by default one for each cloud.
+
+    Each publisher has a channel of its own, and they take turns.
+    """
     definition, _ = JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
     with path.open("wb") as file:
         writer = McapWriter(file, chunk_size=chunk_size, compression=compression)
         writer.start("ros2", "test")
         schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
-        channel = writer.register_channel(TOPIC, "cdr", schema)
+        channels = [
+            writer.register_channel(TOPIC, "cdr", schema, {"publisher": str(number)})
+            for number in range(num_publishers)
+        ]
         for index in order:
-            time = stamp(index) + 5_000_000
+            time, channel = stamp(index) + 5_000_000, channels[index % num_publishers]
             writer.add_message(channel, time, bytes(cdr(index, size)), time)
         writer.finish()
     return path
