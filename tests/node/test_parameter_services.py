@@ -37,7 +37,8 @@ def test_every_setting_is_a_parameter_with_its_description_and_range(peer):
     assert (range_m.from_value, range_m.to_value) == (1.0, 1000.0)
     (layers,) = peer.describe("field.num_hidden_layers").integer_range
     assert (layers.from_value, layers.to_value) == (1, 32)
-    assert peer.describe("distance.kind").additional_constraints == "one of grid, bricks, cells, tree"
+    kinds = peer.describe("distance.kind").additional_constraints
+    assert kinds == "one of grid, bricks, cells, tree"
     assert peer.describe("method.name").read_only is True
     assert peer.describe("crop.max_range_m").read_only is False
     for name in ("distance.kind", "objects.thinning_m", "warm_start.enabled", "compute.seed"):
