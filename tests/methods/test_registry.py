@@ -144,6 +144,12 @@ def test_published_and_live_form_of_a_method_side_by_side():
     assert make_method("mnsf", PAPER).settings == both[0].settings
 
 
+def test_naming_mnsf_on_top_of_paper_leaves_it_as_published():
+    named = preset("paper").changed({"method.name": "mnsf", "compute.device": "cpu"})
+    assert make_method("mnsf", named).settings == named
+    assert not named.live.enabled
+
+
 @pytest.mark.parametrize(
     ("name", "preset_name"),
     [("papr/mnsf", "papr"), ("/mnsf", ""), ("paper/mnsf/mnsf", "paper/mnsf")],
