@@ -159,9 +159,9 @@ def variant_of(method: str) -> Variant:
         return Variant("", method, {})
     start, *changes = method.split("+")
     preset_name, slash, name = start.rpartition("/")
-    if slash and preset_name not in _PRESETS:
-        known = ", ".join(_PRESETS)
-        raise SettingsError(
-            f"method {method!r}: unknown preset {preset_name!r}, expected one of {known}"
-        )
+    if slash:
+        try:
+            preset(preset_name)
+        except SettingsError as error:
+            raise SettingsError(f"method {method!r}: {error}") from error
     return Variant(preset_name, name, parse_assignments(changes))

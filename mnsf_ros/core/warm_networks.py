@@ -76,7 +76,7 @@ class WarmNetworks:
         return result
 
     def flows(self, rows: torch.Tensor) -> torch.Tensor:
-        """F and f' = -b, side by side: (M, C) encoded positions to (M, 6) metres."""
+        """Both flows, f and f' = -b, side by side: (M, C) encoded positions to (M, 6) metres."""
         forward, backward = (evaluate(self.networks[stage], rows) for stage in STAGES[:2])
         return torch.cat([forward, invert_motion(backward)], dim=1)
 

@@ -86,11 +86,11 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         are_fresh = self._networks is None or not self._networks.fitted
         with one_thread():
             estimate = super().estimate(triplet, cancelled, prepared)
-        if estimate.start is Start.WARM and are_fresh and self._fits:
-            # Tracks may be warm while networks are fresh: after other settings, or a failed fit.
-            estimate = replace(estimate, start=Start.COLD_NETWORKS)
+        # Tracks may be warm while networks are fresh: after other settings, or a failed fit.
+        is_cold = estimate.start is Start.WARM and are_fresh and self._fits
         return replace(
             estimate,
+            start=Start.COLD_NETWORKS if is_cold else estimate.start,
             fits=self._fits,
             device=compute_device(self.settings.compute).type,
             precision=str(layer_precision(self.settings.compute)).removeprefix("torch."),
