@@ -22,12 +22,12 @@ _MNSF: dict[str, SettingValue] = {
     "field.hidden_width": 64,
     "optimization.learning_rate": 0.005,
     "optimization.decay": False,
-    "optimization.max_iterations": 8,
-    "optimization.max_points": 512,
+    "optimization.max_iterations": 10,
+    "optimization.max_points": 256,
     "optimization.time_budget_ms": 0.0,
     "fusion.num_hidden_layers": 2,
     "fusion.hidden_width": 32,
-    "fusion.max_iterations": 2,
+    "fusion.max_iterations": 1,
 }
 
 # Section 3 of the paper and the settings of the authors' README, every triplet from scratch.

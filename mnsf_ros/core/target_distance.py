@@ -51,6 +51,17 @@ class TargetDistance:
         distances = self._lookup(positions)
         return distances.clamp(max=self._truncation_m) if self._truncation_m else distances
 
+    def with_gradient(self, positions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Distances of positions (M, 3), metres, and the gradient of each, (M, 3)."""
+        if isinstance(self._lookup, CellSearch):
+            # The search has a gradient of its own; what is truncated has none.
+            return self._lookup.search(positions)
+        own = positions.detach().requires_grad_()
+        with torch.enable_grad():
+            distances = self(own)
+        (gradients,) = torch.autograd.grad(distances.sum(), own)
+        return distances.detach(), gradients
+
     def mean(self, positions: torch.Tensor) -> torch.Tensor:
         """The loss of the paper: mean distance of the moved points to the sweep, metres."""
         return self(positions).mean()

@@ -49,21 +49,28 @@ class _Pull:
     steps: torch.Tensor
     weight: float
 
-    def loss(
+    def of(
         self, points: torch.Tensor, flow: torch.Tensor, widths: torch.Tensor, chosen: torch.Tensor
-    ) -> torch.Tensor:
-        """Mean robust distance of some of the points, moved by a flow.
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Mean robust distance of some of the points, moved by a flow, and its gradient.
 
         Args:
             points: (B, 3) metres, axes of the world.
-            flow: (B, 3) metres, likewise.
+            flow: (B, 3) metres, likewise, without gradient.
             widths: (B,) metres, below which the pull fades.
             chosen: (B,) rows of these points in `steps`.
+
+        Returns:
+            The loss, a scalar, and its gradient with respect to the flow, (B, 3).
         """
-        moved = (points + self.steps[chosen] * flow) @ self.rotation.T + self.shift
-        distances = self.distance(moved)
-        fading = distances.square() / (2 * widths)
-        return self.weight * torch.where(distances < widths, fading, distances - widths / 2).mean()
+        steps = self.steps[chosen]
+        moved = torch.addmm(self.shift, points + steps * flow, self.rotation.T)
+        distances, directions = self.distance.with_gradient(moved)
+        # The slope of the loss: 1 from the width on, less below.
+        slopes = (distances / widths).clamp(max=1.0)
+        loss = (slopes * (distances - slopes * widths / 2)).mean()
+        factors = steps * slopes[:, None] * (self.weight / len(points))
+        return self.weight * loss, factors * (directions @ self.rotation)
 
 
 class _Pulls:
@@ -172,8 +179,12 @@ class LiveFit:
             chosen = self._chosen()
             flow = flow_of(self._rows[chosen])
             points, widths = self._points[chosen], self._widths[chosen]
-            losses = [pull.loss(points, flow, widths, chosen) for pull in pulls.of_a_step()]
-            return torch.stack(losses).sum()
+            # By hand: autograd would take longer for the many small operations of a pull.
+            results = [pull.of(points, flow.detach(), widths, chosen) for pull in pulls.of_a_step()]
+            losses, gradients = zip(*results, strict=True)
+            loss, gradient = torch.stack(losses).sum(), torch.stack(gradients).sum(dim=0)
+            # As large as the loss, with its gradient.
+            return loss + (gradient * (flow - flow.detach())).sum()
 
         self.fits[stage] = self._networks.fit(
             stage, loss_of, self._schedule(stage, share_of_budget)

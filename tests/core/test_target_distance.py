@@ -263,3 +263,14 @@ def test_truncation(device, kind):
     if kind in ("grid", "tree"):
         far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
         assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)
+
+
+@pytest.mark.parametrize("kind", ["grid", "bricks", "cells", "tree"])
+def test_distances_come_with_their_gradient(points, generator, kind):
+    distance = distance_to(points, kind=kind, cell_size_m=CELL_M, truncation_m=REACH_M)
+    positions = anywhere(points, generator, beyond=2 * REACH_M)
+    distances, gradients = distance.with_gradient(positions)
+    torch.testing.assert_close(distances, distance(positions), atol=0, rtol=0)
+    torch.testing.assert_close(gradients, pull_of(distance, positions), atol=0, rtol=0)
+    assert not distances.requires_grad
+    assert 0 < (gradients != 0).any(dim=1).sum() < len(positions)

@@ -158,7 +158,7 @@ class TestOnADrive:
         assert found.age_s == pytest.approx(0.5)
         assert found.track_id == results[0].over_ground.objects[0].track_id
         speed = np.linalg.norm(found.velocity)
-        assert speed == pytest.approx(10 * np.linalg.norm(FAST), abs=0.5)
+        assert speed == pytest.approx(10 * np.linalg.norm(FAST), abs=0.6)
         assert set(known.track_ids[of_car(current)]) == {found.track_id}
         assert ((known.confidence >= 0) & (known.confidence <= 1)).all()
         assert known.confidence[of_car(current)].min() > 0.9
@@ -318,14 +318,14 @@ def test_without_stamps_the_intervals_are_taken_for_equal():
 
 
 def test_each_network_takes_its_first_steps_when_it_is_first_fitted():
-    estimator, stretch = estimator_of(**{"live.first_iterations": 10}), Stretch()
+    estimator, stretch = estimator_of(**{"live.first_iterations": 12}), Stretch()
     pair = SweepTriplet(None, *(sweep(index, SLOW) for index in (0, 1)), stretch=stretch)
-    assert steps_of(estimator.estimate(pair)) == [10]
+    assert steps_of(estimator.estimate(pair)) == [12]
     # The forward field goes on, the other networks are fresh.
     assert steps_of(estimator.estimate(triplet(0, 1, 2, velocity=SLOW, stretch=stretch))) == [
-        8,
-        10,
-        10,
+        SETTINGS.optimization.max_iterations,
+        12,
+        12,
     ]
 
 
@@ -349,13 +349,13 @@ def test_two_sweeps_are_enough():
     ids=str,
 )
 def test_other_settings_find_the_car_too(changes, monkeypatch):
-    nums, call = set(), TargetDistance.__call__
+    nums, with_gradient = set(), TargetDistance.with_gradient
 
     def counted(distance, positions):
         nums.add(len(positions))
-        return call(distance, positions)
+        return with_gradient(distance, positions)
 
-    monkeypatch.setattr(TargetDistance, "__call__", counted)
+    monkeypatch.setattr(TargetDistance, "with_gradient", counted)
     # A small grid.
     near = changes | {"crop.max_range_m": 20.0, "distance.cell_size_m": 0.2}
     estimator = estimator_of(**near)
@@ -364,7 +364,7 @@ def test_other_settings_find_the_car_too(changes, monkeypatch):
     assert_right(result, (3, 4, 5), SLOW)
     assert result.distance_kind == changes.get("distance.kind", "cells")
     assert (result.fits["fusion"].iterations > 0) == (changes.get("fusion.kind") != "mean")
-    assert (nums == {512}) == ("optimization.max_points" not in changes)
+    assert (nums == {256}) == ("optimization.max_points" not in changes)
 
 
 def test_the_time_budget_ends_each_network_in_time(monkeypatch):
@@ -415,7 +415,7 @@ def test_an_estimate_can_be_abandoned_before_each_step_and_the_next_one_is_fine(
     result = estimator.estimate(each)
     later = SETTINGS.optimization.max_iterations
     assert steps_of(result) == [later, later, SETTINGS.live.first_iterations]
-    assert_right(result, (0, 1, 2))
+    assert_right(result, (0, 1, 2), limit_m=0.06)
 
 
 class TestHostileSweeps:
