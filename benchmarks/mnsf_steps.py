@@ -31,11 +31,11 @@ _DEEP_FUSION: Final = "fusion.num_hidden_layers=3+fusion.hidden_width=128"
 # Row to method.
 _VARIANTS: Final = {
     "`mnsf`": "mnsf",
-    "cold, 8 steps": f"{_COLD}+live.first_iterations=8",
+    "cold, 10 steps": f"{_COLD}+live.first_iterations=10",
     "cold, 40 steps": _COLD,
-    "4 steps": "mnsf+optimization.max_iterations=4",
-    "16 steps": "mnsf+optimization.max_iterations=16",
-    "128 points a step": "mnsf+optimization.max_points=128",
+    "5 steps": "mnsf+optimization.max_iterations=5",
+    "20 steps": "mnsf+optimization.max_iterations=20",
+    "512 points a step": "mnsf+optimization.max_points=512",
     "all points": "mnsf+optimization.max_points=0",
     "mean as fusion": "mnsf+fusion.kind=mean",
     "no encoding": "mnsf+live.num_octaves=0",
