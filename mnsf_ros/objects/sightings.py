@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import Verdict
-from mnsf_ros.geometry.point_grid import REACH_M
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.motions import are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
@@ -118,11 +117,9 @@ def mover_groups(
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64)
-    near = cKDTree(movers.positions).sparse_distance_matrix(
-        cKDTree(points), REACH_M, output_type="ndarray"
-    )
-    pairs = np.stack([movers.owners[near["i"]], owners[near["j"]]], axis=1)
-    first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
+    are_touching = PointGrid(points).touching(movers.positions, movers.owners, owners)
+    np.fill_diagonal(are_touching, val=False)
+    first, second = np.nonzero(are_touching)
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)
     graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)

@@ -2,6 +2,7 @@
 """The table of objects of the current sweep: what each stage of an estimate found."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -108,7 +109,7 @@ class ObjectTable(Rows):
         """Returns the table with a verdict on some objects."""
         return self.put(rows, verdicts=verdict)
 
-    @property
+    @cached_property
     def movers(self) -> "ObjectTable":
         """The objects that move."""
         return self.take(self.open_rows)
