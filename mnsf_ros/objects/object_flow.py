@@ -56,7 +56,7 @@ class ObjectFlowEstimator:
         self.traits = MethodTraits(
             num_sweeps=3,
             carries_state=True,
-            max_gap_s=min(settings.ego_motion.max_gap_s, settings.warm_start.max_gap_s),
+            max_gap_s=settings.ego_motion.max_gap_s,
         )
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
