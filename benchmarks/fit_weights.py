@@ -31,8 +31,8 @@ from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects.confidence import doubtful_features, moving_features, standing_features
-from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.presets import preset
 
 _CLOSE_M: Final = 0.1
@@ -132,7 +132,7 @@ def _add(found: dict[str, list[Samples]], sweeps: list[TrueSweep], count: float)
 
 def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iterator[Sample]:
     """Yields the samples of an estimate."""
-    scene, decision = estimate.reason_of.scene, estimate.reason_of.decision
+    scene, table = estimate.reason_of.scene, estimate.reason_of.table
     rows = np.flatnonzero(truth.scored & estimate.kept)
     # With all parts, also of what moves.
     owners = scene.targets.near[0].current.objects()[rows]
@@ -149,20 +149,18 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         shares, means = close[seen] / counts[seen], sums[seen] / counts[seen]
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
-    moves, doubtful = decision.is_moving, decision.doubtful
-    scores = decision.scores[moves]
-    features = moving_features(decision.moving.only(moves), scores, decision.held[moves])
-    yield "moving", of_objects(decision.movers, features)
-    yield "doubtful", of_objects(doubtful.objects, doubtful_features(doubtful))
-    are_suspects = (
-        decision.proposals.suspects.objects.rows_of(scene.current.num_objects)[owners] >= 0
-    )
+    movers, doubtful = table.movers, table.doubtful
+    features = moving_features(movers.moving, movers.scores, movers.held)
+    yield "moving", of_objects(movers.points, features)
+    yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.standing))
+    suspects = np.concatenate([movers.points.numbers, doubtful.points.numbers])
+    are_suspects = np.isin(owners, suspects)
     standing = np.flatnonzero(~are_suspects & ~estimate.over_ground.dynamic[rows])
     standing = standing[:: max(1, len(standing) // _MAX_STANDING)]
     features = standing_features(truth.sweep.xyz[rows[standing]])
     ones = np.ones(len(standing))
     yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
-    yield "gate", _gate_samples(decision, owners, _true_motion(truth, next_)[rows])
+    yield "gate", _gate_samples(table.fitted, owners, _true_motion(truth, next_)[rows])
 
 
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
@@ -174,12 +172,12 @@ def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:
 
 
 def _gate_samples(
-    decision: Decision, owners: NDArray[np.int64], true_motion: NDArray[np.float64]
+    fitted: ObjectTable, owners: NDArray[np.int64], true_motion: NDArray[np.float64]
 ) -> Samples:
     """One sample for each object: whether it moves as it was fitted."""
-    features, motions = decision.evidence, decision.moving.motions
+    features, motions = fitted.evidence, fitted.moving.motions
     shares, counts = np.zeros(len(features)), np.zeros(len(features))
-    for row, number in enumerate(decision.fitted.objects.numbers):
+    for row, number in enumerate(fitted.points.numbers):
         own = true_motion[owners == number]
         if len(own) < _MIN_POINTS:
             continue
@@ -193,7 +191,7 @@ def _gate_samples(
         elif moves < 0.1:
             counts[row] = 1.0
     kept = counts > 0
-    said = 1 / (1 + np.exp(-decision.scores[kept]))
+    said = 1 / (1 + np.exp(-fitted.scores[kept]))
     return Samples(features[kept], shares[kept], counts[kept], said)
 
 

@@ -40,6 +40,20 @@ class PointGrid:
         own = np.ascontiguousarray(places, np.float32)
         return _rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
 
+    def touching(
+        self, places: NDArray[np.float32], owners: NDArray[np.int64], of_points: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Returns (K, K) which owners of places have a point of which other owner in reach.
+
+        Args:
+            places: (P, 3) metres.
+            owners: (P,) from 0 to K - 1, of the places.
+            of_points: (T,) likewise, of the points of the grid.
+        """
+        number = int(max(owners.max(initial=-1), of_points.max(initial=-1))) + 1
+        in_order = of_points[self._rows]
+        return _touching(places, owners, in_order, number, self.starts, self.points)
+
     def compared(
         self,
         positions: NDArray[np.float32],
@@ -194,6 +208,38 @@ def _nearest(
             if least <= enough:
                 return row, least
     return row, least
+
+
+@compiled(
+    "boolean[:, ::1](float32[:, ::1], int64[::1], int64[::1], int64, int32[::1], float32[:, ::1])"
+)
+def _touching(
+    places: NDArray[np.float32],
+    owners: NDArray[np.int64],
+    of_points: NDArray[np.int64],
+    number: int,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+) -> NDArray[np.bool_]:
+    """Loop of `PointGrid.touching`; owners of points are in the order of their buckets."""
+    are_touching = np.zeros((number, number), np.bool_)
+    for row in range(len(places)):
+        x, y, z = places[row]
+        seen = are_touching[owners[row]]
+        for by_x in range(-1, 2):
+            for by_y in range(-1, 2):
+                for by_z in range(-1, 2):
+                    bucket = _hashed(_cell(x) + by_x, _cell(y) + by_y, _cell(z) + by_z)
+                    start = bucket & (len(starts) - 2)
+                    for other in range(starts[start], starts[start + 1]):
+                        dx, dy, dz = (
+                            points[other, 0] - x,
+                            points[other, 1] - y,
+                            points[other, 2] - z,
+                        )
+                        if dx * dx + dy * dy + dz * dz <= REACH_M * REACH_M:
+                            seen[of_points[other]] = True
+    return are_touching
 
 
 @compiled("int64[::1](float32[:, ::1], float32, int32[::1], float32[:, ::1], int32[::1])")

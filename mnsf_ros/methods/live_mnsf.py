@@ -30,8 +30,9 @@ from mnsf_ros.methods.live_fit import LiveFit
 from mnsf_ros.objects.motions import JudgedMotions, judge
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.proposals import Suspects
 from mnsf_ros.objects.scene import ReadySweeps, Scene
+from mnsf_ros.objects.suspects import are_worth_a_fit
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
@@ -98,7 +99,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         )
 
     def guesses(
-        self, suspects: Suspects, scene: Scene, clock: StageClock
+        self, table: ObjectTable, scene: Scene, clock: StageClock
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Fits the networks.
 
@@ -108,13 +109,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         Raises:
             OptimizationError: If a loss or the flow is not finite.
         """
-        if len(suspects) == 0:
-            return suspects.standing.motions, np.zeros(0, np.bool_)
+        if len(table) == 0:
+            return table.start, np.zeros(0, np.bool_)
         if self._networks is None:
             self._networks = WarmNetworks(self.settings)
         fit = LiveFit(
             self._networks,
-            suspects.objects,
+            table.points,
             scene,
             self._distance_to,
             self.settings,
@@ -127,15 +128,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             raise
         self._fits = fit.fits
         with clock.stage("explained"):
-            judged = judge(suspects.objects.thinner(), scene.targets, motions)
-            return motions, suspects.are_worth(judged, scene)
+            judged = judge(table.points.thinner(), scene.targets, motions)
+            return motions, are_worth_a_fit(table, judged, scene.targets)
 
-    def moved(
-        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
-    ) -> JudgedMotions:
+    def moved(self, table: ObjectTable, scene: Scene, clock: StageClock) -> JudgedMotions:
         """The motions by the networks, (K, 3) metres, and how well they explain the sweeps."""
         with clock.stage("explained"):
-            return judge(suspects.objects, scene.targets, start)
+            return judge(table.points, scene.targets, table.start)
 
     def _distance_to(self, target: Target) -> TargetDistance:
         """D(p, S) of a sweep, built once."""

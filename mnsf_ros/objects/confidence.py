@@ -10,7 +10,6 @@ from scipy.special import expit
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_points import NOISE_M
-from mnsf_ros.objects.proposals import Suspects
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
@@ -36,9 +35,13 @@ def moving_confidence(
     return _logistic(moving_features(moving, scores, held), _MOVING)
 
 
-def doubtful_confidence(doubtful: Suspects) -> NDArray[np.float32]:
-    """Returns (K,) the confidence in the flow of K suspects without an accepted motion."""
-    return _logistic(doubtful_features(doubtful), _DOUBTFUL)
+def doubtful_confidence(standing: JudgedMotions) -> NDArray[np.float32]:
+    """Returns (K,) the confidence in the flow of K suspects without an accepted motion.
+
+    Args:
+        standing: How well they are explained as static.
+    """
+    return _logistic(doubtful_features(standing), _DOUBTFUL)
 
 
 @compiled("float32[::1](float32[:, ::1])")
@@ -64,9 +67,9 @@ def moving_features(
     return _with_constant(uncertainty, np.log1p(np.maximum(scores, 0.0)), np.log1p(lengths))
 
 
-def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:
-    """Returns (K, 2) the features of K suspects without an accepted motion."""
-    return _with_constant(doubtful.standing.cost)
+def doubtful_features(standing: JudgedMotions) -> NDArray[np.float64]:
+    """Returns (K, 2) the features of K suspects, see `doubtful_confidence`."""
+    return _with_constant(standing.cost)
 
 
 def standing_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -1,19 +1,18 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects move: all evidence in one number, and its limits."""
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.motions import JudgedMotions, are_same, held_m, judge
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.objects.proposals import Proposals, Suspects
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.sightings import Sightings
+from mnsf_ros.objects.sightings import mover_groups
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
@@ -26,100 +25,33 @@ _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
 _TENTATIVE: Final = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """Which of the F objects that were fitted move.
+def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
+    """Weighs the evidence for the motions of the objects that are not rejected yet.
 
-    Attributes:
-        proposals: What may move.
-        moving: The motions that were found.
-        free: (F,) see `free_space`.
-        evidence: (F, E) features for and against their motions.
-        scores: (F,) logarithm of the odds that they move.
-        may_move: (F,) whether they are followed.
-        held: (F,) metres, how well the motions of these are held, see `held_m`; 0 of others.
-        seen: Those that are followed, together what moves together.
+    Rejects those that do not move, and puts together what moves, or may move, as one thing.
     """
-
-    proposals: Proposals
-    moving: JudgedMotions
-    free: NDArray[np.float64]
-    evidence: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    may_move: NDArray[np.bool_]
-    held: NDArray[np.float64]
-    seen: Sightings
-
-    @classmethod
-    def of(cls, proposals: Proposals, moving: JudgedMotions, scene: Scene) -> "Decision":
-        """Weighs the evidence.
-
-        Args:
-            proposals: What may move.
-            moving: The motions of the F that were fitted.
-            scene: The sweeps.
-        """
-        fitted, targets, current = proposals.fitted, scene.targets, scene.current
-        objects, interval_s = fitted.objects, scene.usual_interval_s
-        wholes = current.wholes[objects.numbers]
-        standing = judge(objects, targets, np.zeros_like(moving.motions))
-        free = free_space(objects, targets, moving.motions)
-        features = evidence(fitted, standing, moving, free, wholes != objects.numbers)
-        scores = moving_scores(features)
-        may_move, is_moving = moves(
-            objects.numbers, wholes, moving.motions, scores, interval_s, scene.settings
-        )
-        followed = objects.only(may_move)
-        held = np.zeros(len(objects))
-        held[may_move] = held_m(followed, moving.only(may_move), targets)
-        seen = Sightings.of(
-            followed,
-            moving.motions[may_move],
-            scores[may_move],
-            is_moving[may_move],
-            held[may_move],
-            followed.all_points(current),
-            current.pose.world_from_sensor,
-            interval_s,
-        )
-        return cls(proposals, moving, free, features, scores, may_move, held, seen)
-
-    @property
-    def fitted(self) -> Suspects:
-        """The F objects."""
-        return self.proposals.fitted
-
-    @cached_property
-    def are_movers(self) -> NDArray[np.bool_]:
-        """(those that are followed,) whether they are said to move.
-
-        What goes along with a mover is a part of it.
-        """
-        return self.seen.are_moving[self.seen.groups]
-
-    @cached_property
-    def is_moving(self) -> NDArray[np.bool_]:
-        """(F,) whether they are said to move."""
-        is_moving = np.zeros(len(self.may_move), np.bool_)
-        is_moving[self.may_move] = self.are_movers
-        return is_moving
-
-    @cached_property
-    def movers(self) -> ObjectPoints:
-        """The M objects that move."""
-        return self.fitted.objects.only(self.is_moving)
-
-    @property
-    def groups(self) -> NDArray[np.int64]:
-        """(M,) the number from 0 of the thing that each of the movers is a part of."""
-        of_movers = self.seen.groups[self.are_movers]
-        return np.unique(of_movers, return_inverse=True)[1]
-
-    @cached_property
-    def doubtful(self) -> Suspects:
-        """Suspects that are not called dynamic, with those beyond the limits of the work."""
-        suspects = self.proposals.suspects
-        return suspects.only(~np.isin(suspects.objects.numbers, self.movers.numbers))
+    rows, targets, current = table.open_rows, scene.targets, scene.current
+    fitted = table.take(rows)
+    points, motions = fitted.points, fitted.moving.motions
+    standing = judge(points, targets, np.zeros_like(motions))
+    free = free_space(points, targets, motions)
+    features = evidence(fitted, standing, free)
+    scores = moving_scores(features)
+    table = table.put(rows, free=free, evidence=features, scores=scores)
+    may_move, is_moving = moves(
+        points.numbers, fitted.wholes, motions, scores, scene.usual_interval_s, scene.settings
+    )
+    followed = fitted.take(np.flatnonzero(may_move))
+    groups = mover_groups(
+        followed.points, followed.moving.motions, *followed.points.all_points(current)
+    )
+    held = held_m(followed.points, followed.moving, targets)
+    table = table.put(rows[may_move], held=held, groups=groups)
+    # What goes along with a mover is a part of it.
+    is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
+    stands_beside = np.isin(points.numbers, fitted.wholes[is_moving])
+    table = table.rejected(rows[~is_moving], Verdict.REFUSED)
+    return table.rejected(rows[~is_moving & stands_beside], Verdict.PARTLY)
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -156,11 +88,7 @@ def free_space(
 
 
 def evidence(
-    suspects: Suspects,
-    standing: JudgedMotions,
-    moving: JudgedMotions,
-    free: NDArray[np.float64],
-    are_parts: NDArray[np.bool_],
+    table: ObjectTable, standing: JudgedMotions, free: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
@@ -173,19 +101,18 @@ def evidence(
     as that their places were free is why they are parts.
 
     Args:
-        suspects: K objects, and what tracks expect of them.
+        table: K objects whose motions were found.
         standing: How well they are explained as static.
-        moving: How well their motions explain them.
         free: (K,) see `free_space`.
-        are_parts: (K,) whether they were cut out of other objects.
     """
-    objects, expected = suspects.objects, suspects.expected
+    objects, expected, moving = table.points, table.expected, table.moving
+    are_parts = table.wholes != objects.numbers
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_same = expected.is_known & are_same(moving.motions, expected.motions)
     shares = _log_share(moving.cost, standing.cost) + _log_share(moving.older, standing.older)
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
-        np.ones(len(suspects)),
+        np.ones(len(table)),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
         expected.scores,
         np.log1p(lengths) * ~is_same,

@@ -1,95 +1,17 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Memory from one estimate to the next: the tracks of movers, and what they expect."""
+"""Memory from one estimate to the next: the tracks, and which of them go on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
+from scipy.optimize import linear_sum_assignment
 
-from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.tracks import MIN_SHARE, Track, alive, expecting_shares, follow
+from mnsf_ros.objects.tracks import MIN_SHARE, Track, alive, corrected, expecting_shares
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Stretch
-
-
-@dataclass(frozen=True, eq=False)
-class Expectation:
-    """Predictions for K objects from the sweeps before.
-
-    Attributes:
-        shares: (K,) which share of an object's points its track expects; 0 without a track.
-        motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
-        turn_rates: (K,) radians per second; 0 without a track.
-        scores: (K,) logarithm of the odds that their track moves; 0 without one.
-        deviations_m: (K,) standard deviation of the motions along each axis; 1 without a track.
-    """
-
-    shares: NDArray[np.float64]
-    motions: NDArray[np.float32]
-    turn_rates: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    deviations_m: NDArray[np.float64]
-
-    @classmethod
-    def of(
-        cls,
-        objects: ObjectPoints,
-        tracks: Sequence[Track],
-        world_from_sensor: NDArray[np.float64],
-        interval_s: float,
-    ) -> "Expectation":
-        """Returns the predictions of tracks, propagated to the current sweep, for its objects."""
-        some = objects.thinner()
-        motions = np.zeros((len(some), 3), np.float32)
-        best, turn_rates, scores = np.zeros((3, len(some)))
-        deviations_m = np.ones(len(some))
-        if len(some) > 0 and len(tracks) > 0:
-            world = transformed(some.positions, world_from_sensor).astype(np.float64)
-            shares = expecting_shares(tracks, world, some.owners, len(some))
-            rows = shares.argmax(axis=1)
-            is_known = shares.max(axis=1) > MIN_SHARE
-            rows = rows[is_known]
-            best[is_known] = shares[is_known, rows]
-            velocities = np.stack([track.velocity for track in tracks])
-            velocities = turned(velocities, world_from_sensor[:3, :3].T)
-            motions[is_known] = velocities[rows] * interval_s
-            variances = np.array([track.covariance[1, 1] for track in tracks])
-            deviations_m[is_known] = np.sqrt(variances[rows]) * interval_s
-            told = np.array([(track.turn_rate, track.score) for track in tracks])
-            turn_rates[is_known], scores[is_known] = told[rows].T
-        return cls(best, motions, turn_rates, scores, deviations_m)
-
-    @property
-    def is_known(self) -> NDArray[np.bool_]:
-        """(K,) whether an object has a track."""
-        return self.shares > 0
-
-    def surprise(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns (K,) how much less likely motions (K, 3), metres, are than those expected.
-
-        It is a logarithm, and 0 without a track. What moves goes on as its track does, within the
-        errors of that. Of what does not, or is mostly another thing than its track was, no motion
-        is more likely than another one.
-        """
-        moves = expit(self.scores) * (self.shares > 0.5)
-        apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
-        return np.asarray(-np.log(moves * np.exp(-apart / 2) + 1 - moves), np.float64)
-
-    def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
-        return np.where(self.is_known[:, None], self.motions, motions)
-
-    def beside(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Returns (K, 3) metres each, other motions, and the predictions if there are any."""
-        return [motions, self.or_else(motions)] if self.is_known.any() else [motions]
-
-    def only(self, wanted: NDArray[np.bool_]) -> "Expectation":
-        """Returns the predictions for the objects of the (K,) mask."""
-        return Expectation(*(getattr(self, each.name)[wanted] for each in fields(self)))
 
 
 class MotionMemory:
@@ -132,16 +54,66 @@ class MotionMemory:
             interval_s: Time to the next sweep.
 
         Returns:
-            The tracks, and (K,) the number of the track of each of the objects that were seen.
+            The tracks, and (G,) the number of the track of each of the things that were seen.
         """
         tracks, ids = follow(expected, seen, stamp_ns, self._next_id)
         self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
         if self._settings.warm_start.enabled and interval_s > 0:
             self._tracks = tracks
-        return tracks, ids[seen.groups]
+        return tracks, ids
 
     def expected(self, stamp_ns: int, interval_s: float) -> list[Track]:
         """Returns the tracks as they are expected in a sweep, so long before the next one."""
         if self._tracks is None or interval_s <= 0:
             return []
         return alive(self._tracks, stamp_ns)
+
+
+def follow(
+    tracks: Sequence[Track], seen: Sightings, stamp_ns: int, next_id: int
+) -> tuple[list[Track], NDArray[np.int64]]:
+    """Returns the tracks after a sweep, and (G,) the number of the track of each of G things.
+
+    Args:
+        tracks: Those before, as they are expected in this sweep.
+        seen: G things that move, or may move.
+        stamp_ns: Time of the sweep.
+        next_id: Number of the first track that begins here.
+    """
+    shares = expecting_shares(tracks, seen.points, seen.owners, len(seen))
+    is_possible = shares > MIN_SHARE
+    things, rows = _assigned(tracks, seen, shares, is_possible)
+    after = corrected([tracks[row] for row in rows], seen.states[things], seen.variances[things])
+    track_of = dict(zip(things.tolist(), after, strict=True))
+    numbers = count(next_id)
+    followed = []
+    for thing, points in enumerate(seen.points_of_each):
+        track = track_of.get(thing) or Track.begun(
+            next(numbers), stamp_ns, seen.states[thing], seen.variances[thing]
+        )
+        score, is_mover = float(seen.scores[thing]), bool(seen.are_moving[thing])
+        turn_rate = float(seen.turn_rates[thing])
+        followed.append(track.seen(stamp_ns, points, score, turn_rate, moves=is_mover))
+    # What became a part of another thing is not followed by itself.
+    unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
+    ids = np.array([track.track_id for track in followed], np.int64)
+    return sorted(unseen + followed, key=lambda track: track.track_id), ids
+
+
+def _assigned(
+    tracks: Sequence[Track],
+    seen: Sightings,
+    shares: NDArray[np.float64],
+    is_possible: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns (A,) things that go on with a track, and (A,) the rows of their tracks."""
+    # Of two tracks at the same place the one seen more often goes on.
+    settled = 1 - 1 / (1 + np.array([track.num_seen for track in tracks]))
+    # Of several parts of what a track was, the largest one goes on with its number.
+    sizes = np.bincount(seen.owners, minlength=len(seen))
+    whole = np.array([max(len(track.points), 1) for track in tracks])
+    met = shares * sizes[:, None]
+    gains = is_possible * (met / (sizes[:, None] + whole - np.minimum(met, whole)) + settled)
+    things, rows = linear_sum_assignment(gains, maximize=True)
+    is_same = is_possible[things, rows]
+    return things[is_same], rows[is_same]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.objects.rows import Rows
 from mnsf_ros.objects.target import NUM_STEPS, Target, Targets
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
@@ -30,7 +31,7 @@ Surprise = Callable[[NDArray[np.float32]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedMotions:
+class JudgedMotions(Rows):
     """Motions of K objects, and how well they explain the other sweeps.
 
     Attributes:
@@ -58,10 +59,6 @@ class JudgedMotions:
     def older(self) -> NDArray[np.float64]:
         """(K,) metres, the mean residual in older sweeps, in the others where there are none."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.cost
-
-    def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> "JudgedMotions":
-        """Returns the objects of the (K,) mask, or of rows."""
-        return JudgedMotions(self.motions[wanted], self.near[wanted], self.past[wanted])
 
     def unlikely(self, surprise: Surprise) -> NDArray[np.float64]:
         """Returns (K,) metres, what motions leave in sum with the noise, more if they surprise."""
@@ -163,16 +160,16 @@ def best_of(
     ]
     excess = np.exp(np.concatenate([surprise(each) for each in others]) / _SURPRISE)
     most_m = np.tile(first.unlikely(surprise), len(others)) / excess - 2 * NOISE_M
-    motions, is_new = np.concatenate(others), ~np.concatenate(are_again)
-    new = objects.repeated(len(others)).only(is_new)
-    found = judge(new, targets, motions[is_new], most_m=most_m[is_new])
+    motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
+    objects = objects.repeated(len(others)).take(new)
+    found = judge(objects, targets, motions[new], most_m=most_m[new])
     near, past = (
         np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
     )
-    near[is_new], past[is_new] = found.near, found.past
+    near[new], past[new] = found.near, found.past
     judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.only(rows), surprise)
+        first = first.better(judged.take(rows), surprise)
     return first
 
 

@@ -9,16 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.decision import decided
 from mnsf_ros.objects.encoded_field import Heads, turning, turns_of
+from mnsf_ros.objects.first_guess import first_guesses
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
 from mnsf_ros.objects.over_ground import flow_of, spread
-from mnsf_ros.objects.proposals import Proposals, Suspects, first_guesses
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import PreparedSweeps, ReadySweeps, Scene
+from mnsf_ros.objects.sightings import Sightings
+from mnsf_ros.objects.suspects import with_suspects
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -53,7 +56,7 @@ class ObjectFlowEstimator:
         self.traits = MethodTraits(
             num_sweeps=3,
             carries_state=True,
-            max_gap_s=min(settings.ego_motion.max_gap_s, settings.warm_start.max_gap_s),
+            max_gap_s=settings.ego_motion.max_gap_s,
         )
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
@@ -96,20 +99,25 @@ class ObjectFlowEstimator:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
-            scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
-        proposals = Proposals.of(scene, self.guesses, clock)
-        starts = proposals.start[proposals.are_worth]
-        moving = self.moved(proposals.fitted, scene, starts, clock)
+            start = self._memory.enter(triplet.stretch)
+            tracks = self._memory.expected(triplet.current.stamp_ns, triplet.interval_s)
+            scene = Scene.of(triplet, ready, tracks, start, self.settings.objects)
+        with clock.stage("objects"):
+            table = ObjectTable.of(scene)
+            table = with_suspects(table, scene.targets, self.settings.objects.max_suspects)
+        table = self._with_start(table, scene, clock)
+        table = self._with_motions(table, scene, clock)
         with clock.stage("gate"):
-            decision = Decision.of(proposals, moving, scene)
-            current = scene.current.with_parts_beside(decision.movers.numbers)
+            table = decided(table, scene)
+            current = scene.current.with_parts_beside(table.movers.points.numbers)
             scene = replace(scene, current=current)
         with clock.stage("turns"):
-            heads = self.heads(scene, decision)
+            seen = Sightings.of(table, scene.current.pose.world_from_sensor, scene.usual_interval_s)
+            heads = turning_heads(table.movers, seen, scene)
         with clock.stage("tracks"):
-            tracks, ids = self._followed(scene, decision, heads)
+            tracks, ids = self._followed(scene, table.movers, seen, heads)
         with clock.stage("output"):
-            over_ground = spread(scene, decision, heads, tracks, ids)
+            over_ground = spread(scene, table, heads, tracks, ids)
             flow = flow_of(scene.current, over_ground)
         return FlowEstimate(
             flow=flow,
@@ -117,42 +125,49 @@ class ObjectFlowEstimator:
             times_ms=clock.times_ms,
             start=scene.start,
             over_ground=over_ground,
-            num_left_out=len(proposals.suspects) - len(proposals.searched),
-            reason_of=Reasons(scene, decision),
+            num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
+            reason_of=Reasons(scene, table),
         )
 
+    def _with_start(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
+        """Fills `start` of the suspects, and rejects those that no motion explains better."""
+        rows = table.open_rows
+        start, are_worth = self.guesses(table.take(rows), scene, clock)
+        table = table.put(rows, start=start)
+        return table.rejected(rows[~are_worth], Verdict.NO_BETTER_MOTION)
+
+    def _with_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
+        """Fills `moving` of the objects that are left."""
+        rows = table.open_rows
+        return table.put(rows, moving=self.moved(table.take(rows), scene, clock))
+
     def _followed(
-        self, scene: Scene, decision: Decision, heads: Heads
+        self, scene: Scene, movers: ObjectTable, seen: Sightings, heads: Heads
     ) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        stamp_ns, seen = scene.current.sweep.stamp_ns, decision.seen
-        are_moving = decision.are_movers
-        turn_rates = np.zeros(len(seen))
-        turn_rates[seen.groups[are_moving]] = turns_of(heads) / scene.usual_interval_s
-        seen = replace(seen, turn_rates=turn_rates)
+        seen.turn_rates[movers.groups] = turns_of(heads) / scene.usual_interval_s
+        stamp_ns = scene.current.sweep.stamp_ns
         tracks, ids = self._memory.follow(scene.tracks, seen, stamp_ns, scene.interval_s)
-        return tracks, ids[are_moving]
+        return tracks, ids[movers.groups]
 
     def guesses(
-        self, suspects: Suspects, scene: Scene, clock: StageClock
+        self, table: ObjectTable, scene: Scene, clock: StageClock
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Where the fits of K suspects start, (K, 3) metres, and (K,) whether one is worth it."""
-        return first_guesses(suspects, scene, clock)
+        with clock.stage("first guess"):
+            return first_guesses(table, scene)
 
-    def moved(
-        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
-    ) -> JudgedMotions:
+    def moved(self, table: ObjectTable, scene: Scene, clock: StageClock) -> JudgedMotions:
         """Forward field, backward field, inversion, fusion.
 
         Args:
-            suspects: K objects.
+            table: K objects, with the motions that the fits start from.
             scene: The other sweeps.
-            start: (K, 3) metres to the next sweep, where the fits start.
             clock: Of the estimate.
         """
-        objects, targets = suspects.objects, scene.targets
+        objects, start, targets = table.points, table.start, scene.targets
         next_, *previous = targets.near
-        others, surprise = suspects.expected.beside(start), suspects.expected.surprise
+        others, surprise = table.expected.beside(start), table.expected.surprise
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start)
         if not previous:
@@ -164,11 +179,10 @@ class ObjectFlowEstimator:
         with clock.stage("best motion"):
             return fuse_motions(objects, targets, forward, inverted, others, surprise)
 
-    def heads(self, scene: Scene, decision: Decision) -> Heads:
-        """How the movers move and turn."""
-        movers, seen = decision.movers, decision.seen
-        motions, groups = seen.motions[seen.are_moving], decision.groups
-        expected = decision.fitted.expected.only(decision.is_moving).turn_rates
-        turns = np.zeros(len(motions))
-        turns[groups] = expected * scene.usual_interval_s
-        return turning(movers, groups, motions, turns, scene.targets)
+
+def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:
+    """How K movers move and turn, (K, 3, 3)."""
+    things, groups = np.unique(movers.groups, return_inverse=True)
+    turns = np.zeros(len(things))
+    turns[groups] = movers.expected.turn_rates * scene.usual_interval_s
+    return turning(movers.points, groups, seen.motions[things], turns, scene.targets)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.rows import Rows
 from mnsf_ros.settings import ObjectSettings
 
 # How far a point of a surface is from the points of the same surface in another sweep: noise and
@@ -22,7 +23,7 @@ _FEW: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
-class ObjectPoints:
+class ObjectPoints(Rows):
     """Points of K objects, ordered by object.
 
     Attributes:
@@ -61,10 +62,12 @@ class ObjectPoints:
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 
-    def only(self, wanted: NDArray[np.bool_]) -> "ObjectPoints":
-        """Returns the objects of the (K,) mask."""
-        owners = (np.cumsum(wanted) - 1)[self.owners]
-        return self._with_points(np.flatnonzero(wanted[self.owners]), self.numbers[wanted], owners)
+    def take(self, rows: NDArray[np.int64]) -> "ObjectPoints":
+        """Returns some of the objects, by their rows, which rise."""
+        places = np.full(len(self), -1)
+        places[rows] = np.arange(len(rows))
+        owners = places[self.owners]
+        return self._with_points(np.flatnonzero(owners >= 0), self.numbers[rows], owners)
 
     def repeated(self, number: int) -> "ObjectPoints":
         """Returns the objects several times, as others: a call costs more than a few objects."""

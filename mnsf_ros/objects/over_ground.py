@@ -13,19 +13,18 @@ from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.confidence import doubtful_confidence, moving_confidence, standing_confidence
-from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.encoded_field import Heads, encoded, headed
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints, spacing_of
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.proposals import Suspects
 from mnsf_ros.objects.scene import Scene
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Track
 
 
 def spread(
     scene: Scene,
-    decision: Decision,
+    table: ObjectTable,
     heads: Heads,
     tracks: Sequence[Track],
     ids: NDArray[np.int64],
@@ -34,25 +33,23 @@ def spread(
 
     Args:
         scene: The sweeps.
-        decision: Which objects move.
+        table: Its objects, K of which move.
         heads: (K, 3, 3) how those K move and turn.
         tracks: What is followed.
         ids: (K,) the numbers of their tracks.
     """
     current, next_ = scene.current, scene.targets.near[0]
-    owners, movers = current.objects(), decision.movers
-    rows = _rows_of_movers(scene, decision, owners)
+    owners, movers, doubtful = current.objects(), table.movers, table.doubtful
+    rows = _rows_of_movers(scene, movers, doubtful.points.numbers, owners)
     is_dynamic = rows >= 0
     own = np.flatnonzero(is_dynamic)
     rows = rows[own]
     motion = np.zeros((len(owners), 3), np.float32)
     track_ids = np.zeros(len(owners), np.int32)
-    offsets = np.take(current.xyz, own, axis=0) - movers.centers[rows]
+    offsets = np.take(current.xyz, own, axis=0) - movers.points.centers[rows]
     motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
-    confidence = _static_confidence(current, owners, decision.doubtful)
-    is_moving = decision.is_moving
-    scores, held = decision.scores[is_moving], decision.held[is_moving]
-    confidence[own] = moving_confidence(decision.moving.only(is_moving), scores, held)[rows]
+    confidence = _static_confidence(current, owners, doubtful)
+    confidence[own] = moving_confidence(movers.moving, movers.scores, movers.held)[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.
@@ -86,21 +83,26 @@ def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32
 
 
 def _rows_of_movers(
-    scene: Scene, decision: Decision, owners: NDArray[np.int64]
+    scene: Scene,
+    moving: ObjectTable,
+    doubtful: NDArray[np.int64],
+    owners: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Returns (N,) the mover from 0 that each point, of an object (N,), moves with; -1 for none."""
-    current, movers = scene.current, decision.movers
+    """Returns (N,) the mover from 0 that each point, of an object (N,), moves with; -1 for none.
+
+    Suspects that were not found to move, with these numbers, may be fragments of movers.
+    """
+    current, movers = scene.current, moving.points
     rows = movers.rows_of(current.num_objects)[owners]
     are_loose = current.counts < scene.settings.min_points
-    are_loose[decision.doubtful.objects.numbers] = True
+    are_loose[doubtful] = True
     # A whole that stands while a part of it moves is no fragment.
     are_loose[current.wholes[movers.numbers]] = False
     are_loose[0] = False
     beside, their_rows = attached(current, owners, movers, are_loose)
     rows[beside] = their_rows
     if current.clock is not None:
-        motions = decision.moving.motions[decision.is_moving]
-        velocities = motions[movers.owners] / np.float32(scene.usual_interval_s)
+        velocities = moving.moving.motions[movers.owners] / np.float32(scene.usual_interval_s)
         again, their_rows = current.clock.owners_again(
             current.xyz, movers.positions, velocities, movers.owners
         )
@@ -110,12 +112,12 @@ def _rows_of_movers(
 
 
 def _static_confidence(
-    current: ObjectSweep, owners: NDArray[np.int64], doubtful: Suspects
+    current: ObjectSweep, owners: NDArray[np.int64], doubtful: ObjectTable
 ) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
     confidence = standing_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
-    doubts[doubtful.objects.numbers] = doubtful_confidence(doubtful)
+    doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.standing)
     in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
     confidence[in_doubt] = doubts[owners[in_doubt]]
     return confidence

@@ -11,9 +11,9 @@ from scipy.special import expit
 from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
-from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.scene import Scene
+from mnsf_ros.objects.table import FITTED, ObjectTable
 from mnsf_ros.objects.target import Target
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -27,11 +27,11 @@ class Reasons:
 
     Attributes:
         scene: The sweeps.
-        decision: What was decided about the objects of the current sweep.
+        table: What the stages found about the objects of the current sweep.
     """
 
     scene: Scene
-    decision: Decision
+    table: ObjectTable
 
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
         """Returns the verdict on the object that owns most of these rows of the sweep."""
@@ -41,20 +41,20 @@ class Reasons:
         if number == 0:
             return Reason(Verdict.NO_OBJECT)
         num_points = int(current.counts[number])
-        fitted = self._row(self.decision.fitted.objects, number)
-        searched = self._row(self.decision.proposals.searched.objects, number)
+        found = np.flatnonzero(self.table.points.numbers == number)
+        row = int(found[0]) if len(found) else -1
+        verdict = self._without_row(number, num_points) if row < 0 else self.table.verdicts[row]
         motion, start, evidence = None, None, {}
-        if searched is not None:
-            start = self.decision.proposals.start[searched].astype(np.float64)
-        if fitted is not None:
-            motion = self.decision.moving.motions[fitted]
-            score = self.decision.scores[fitted]
+        if verdict in (*FITTED, Verdict.NO_BETTER_MOTION):
+            start = self.table.start[row].astype(np.float64)
+        if verdict in FITTED:
+            motion = self.table.moving.motions[row]
             evidence = {
-                "points new or gone": float(self.decision.free[fitted]),
-                "probability": float(expit(score)),
+                "points new or gone": float(self.table.free[row]),
+                "probability": float(expit(self.table.scores[row])),
             }
         return Reason(
-            self._verdict(number, num_points, fitted),
+            verdict,
             num_points,
             float(current.sizes[number]),
             sweeps=self._terms(number, motion),
@@ -63,31 +63,17 @@ class Reasons:
             evidence=evidence,
         )
 
-    def _verdict(self, number: int, num_points: int, fitted: int | None) -> Verdict:
-        if fitted is not None:
-            if self.decision.is_moving[fitted]:
-                return Verdict.DYNAMIC
-            movers = self.decision.movers.numbers
-            stands_beside = number in self.scene.current.wholes[movers]
-            return Verdict.PARTLY if stands_beside else Verdict.REFUSED
-        if number in self.decision.proposals.searched.objects.numbers:
-            return Verdict.NO_BETTER_MOTION
+    def _without_row(self, number: int, num_points: int) -> Verdict:
+        """The verdict on an object that is not in the table."""
         if num_points < self.scene.settings.min_points:
             return Verdict.TOO_FEW_POINTS
-        if number in self.decision.proposals.suspects.objects.numbers:
-            return Verdict.LEFT_OUT
         may_move = self.scene.current.may_move[number]
         return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE
-
-    @staticmethod
-    def _row(objects: ObjectPoints, number: int) -> int | None:
-        found = np.flatnonzero(objects.numbers == number)
-        return int(found[0]) if len(found) else None
 
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """What all targets say about an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
-        own = objects.only(objects.numbers == number)
+        own = objects.take(np.flatnonzero(objects.numbers == number))
         if len(own) == 0:
             return ()
         no_motion = np.zeros(3, np.float32)

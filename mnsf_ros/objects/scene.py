@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
-from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target, Targets
 from mnsf_ros.objects.tracks import Track
@@ -172,18 +171,17 @@ class Scene:
         cls,
         triplet: SweepTriplet,
         ready: ReadySweeps,
-        memory: MotionMemory,
+        tracks: list[Track],
+        start: Start,
         settings: ObjectSettings,
     ) -> "Scene":
         """Looks at a triplet whose sweeps are ready."""
-        start = memory.enter(triplet.stretch)
         *_, current, _ = ready.of_triplet
         near = ready.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
         current = split(current, past)
         near, past = ([replace(one, current=current) for one in each] for each in (near, past))
-        tracks = memory.expected(current.sweep.stamp_ns, interval_s)
         return cls(current, Targets(near, past), tracks, interval_s, start, settings)
 
     @property

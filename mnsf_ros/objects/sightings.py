@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
-from mnsf_ros.geometry.point_grid import REACH_M
+from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.motions import are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.objects.table import ObjectTable
 
 # Standard deviation of a motion that is held.
 _MOTION_M: Final = 0.03
@@ -24,7 +25,6 @@ class Sightings:
     """G things that move, or may move, in the world; each may be several objects.
 
     Attributes:
-        groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
         motions: (G, 3) float32, metres to the next sweep, axes of the sensor.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
         scores: (G,) logarithm of the odds that they move, of their likeliest object.
@@ -35,7 +35,6 @@ class Sightings:
         owners: (P,) int from 0 to G - 1, rising.
     """
 
-    groups: NDArray[np.int64]
     motions: NDArray[np.float32]
     states: NDArray[np.float64]
     scores: NDArray[np.float64]
@@ -47,29 +46,19 @@ class Sightings:
 
     @classmethod
     def of(
-        cls,
-        movers: ObjectPoints,
-        motions: NDArray[np.float32],
-        scores: NDArray[np.float64],
-        is_moving: NDArray[np.bool_],
-        held: NDArray[np.float64],
-        around: tuple[NDArray[np.float32], NDArray[np.int64]],
-        world_from_sensor: NDArray[np.float64],
-        interval_s: float,
+        cls, table: ObjectTable, world_from_sensor: NDArray[np.float64], interval_s: float
     ) -> "Sightings":
-        """Returns the sightings of K movers, in the world frame, that do not turn.
+        """Returns the groups of the table in the world frame, turn rates 0.
 
         Args:
-            movers: K objects that move.
-            motions: (K, 3) metres, their motions to the next sweep.
-            scores: (K,) logarithm of the odds that they move.
-            is_moving: (K,) whether they are said to move.
-            held: (K,) metres, how well the motions are held, see `held_m`.
-            around: All points of theirs, see `ObjectPoints.all_points`.
-            world_from_sensor: (4, 4) where the sensor was.
+            table: Objects of the current sweep, some of them in groups.
+            world_from_sensor: (4, 4) pose of the sensor.
             interval_s: Time to the next sweep, above 0.
         """
-        groups = mover_groups(movers, motions, *around)
+        followed = table.take(np.flatnonzero(table.groups >= 0))
+        movers, groups, motions = followed.points, followed.groups, followed.moving.motions
+        scores, held = followed.scores, followed.held
+        is_moving = followed.verdicts == Verdict.DYNAMIC
         number = int(groups.max(initial=-1)) + 1
         order = np.argsort(groups[movers.owners], kind="stable")
         points = transformed(movers.positions, world_from_sensor)[order].astype(np.float64)
@@ -92,7 +81,7 @@ class Sightings:
         states = np.stack([centers, velocities], axis=1)
         means_m = means.astype(np.float32)
         turns = np.zeros(number)
-        return cls(groups, means_m, states, best, are_moving, turns, variances, points, owners)
+        return cls(means_m, states, best, are_moving, turns, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)
@@ -128,11 +117,9 @@ def mover_groups(
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64)
-    near = cKDTree(movers.positions).sparse_distance_matrix(
-        cKDTree(points), REACH_M, output_type="ndarray"
-    )
-    pairs = np.stack([movers.owners[near["i"]], owners[near["j"]]], axis=1)
-    first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
+    are_touching = PointGrid(points).touching(movers.positions, movers.owners, owners)
+    np.fill_diagonal(are_touching, val=False)
+    first, second = np.nonzero(are_touching)
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)
     graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)

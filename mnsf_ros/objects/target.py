@@ -147,11 +147,7 @@ class Target:
             flows: (P, 3) metres, how far they are moved.
         """
         places = transformed(objects.positions + flows, self.from_current)
-        limits_m = np.where(self.are_unseen(places), np.float32(_HIDDEN_M), np.float32(REACH_M))
-        # A place that no laser meets tells nothing, though traces of lasers, which go along with
-        # the robot, are beside it.
-        limits_m[self.sweep.view.are_between(places)] = 0.0
-        return limits_m
+        return self.sweep.view.limits_m(places, self.current.view, REACH_M, _HIDDEN_M)
 
     def residuals(
         self,

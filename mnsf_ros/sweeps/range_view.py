@@ -60,15 +60,25 @@ class RangeView:
             return np.zeros(len(positions), np.bool_)
         return np.asarray(beside[azimuths_of(positions)])
 
-    def are_between(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) which places (P, 3), metres, sensor frame, are between the beams.
+    def limits_m(
+        self, positions: NDArray[np.float32], other: "RangeView", reach_m: float, hidden_m: float
+    ) -> NDArray[np.float32]:
+        """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
-        Hardly anything returns from their elevation, all around, but much from above and below.
+        Nobody can have seen places that are hidden, or beside both views. A place between the
+        beams tells nothing: hardly anything returns from its elevation, all around, but much from
+        above and below.
+
+        Args:
+            positions: (P, 3) metres, sensor frame.
+            other: The view from which the points were seen.
+            reach_m: The limit of other places.
+            hidden_m: That of places that nobody can have seen; between the beams it is 0.
         """
-        if not self._between.any():
-            return np.zeros(len(positions), np.bool_)
-        cells, _ = _directions(np.ascontiguousarray(positions))
-        return self._between[cells // NUM_AZIMUTHS]
+        beside = self._beside & other._beside
+        limits = np.float32(reach_m), np.float32(hidden_m)
+        own = np.ascontiguousarray(positions)
+        return _limits(own, self._nearest, beside, self._between, *limits)
 
 
 def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -130,6 +140,30 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
         up = np.int32(elevation) if is_up else np.int32(_NUM_ELEVATIONS - 1)
         cells[row] = up * np.int32(NUM_AZIMUTHS) + across
     return cells, ranges
+
+
+@compiled(
+    "float32[::1](float32[:, ::1], float32[::1], boolean[::1], boolean[::1], float32, float32)"
+)
+def _limits(
+    positions: NDArray[np.float32],
+    nearest: NDArray[np.float32],
+    beside: NDArray[np.bool_],
+    between: NDArray[np.bool_],
+    reach_m: np.float32,
+    hidden_m: np.float32,
+) -> NDArray[np.float32]:
+    """Loop of `RangeView.limits_m`."""
+    cells, ranges = _directions(positions)
+    limits = np.empty(len(positions), np.float32)
+    for row in range(len(positions)):
+        cell, distance = cells[row], ranges[row]
+        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * distance
+        is_unseen = nearest[cell] + margin < distance or beside[cell % NUM_AZIMUTHS]
+        limits[row] = hidden_m if is_unseen else reach_m
+        if between[cell // NUM_AZIMUTHS]:
+            limits[row] = 0.0
+    return limits
 
 
 @compiled("float32[::1](int32[::1], float32[::1])")

@@ -6,8 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
@@ -49,3 +52,18 @@ def target(of, current, steps=1.0):
 def rows(*values):
     """(K, 3) float32."""
     return np.array(values, np.float32).reshape(-1, 3)
+
+
+def table_of(objects, expected=None, targets=None, **columns):
+    """A table of objects, without tracks unless expected, with other values in some columns."""
+    nothing = np.zeros(len(objects))
+    motions = np.zeros((len(objects), 3), np.float32)
+    expected = expected or Expectation(nothing, motions, nothing, nothing, nothing + 1)
+    num_sweeps = (len(targets.near), len(targets.past)) if targets else (2, 0)
+    table = ObjectTable.begun(objects, objects.numbers, expected, *num_sweeps)
+    return table.put(np.arange(len(objects)), **columns)
+
+
+def moved_by(motions):
+    """Motions (K, 3), metres, with residuals of nothing."""
+    return JudgedMotions(motions, np.zeros((len(motions), 2)), np.zeros((len(motions), 0)))

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from small_scenes import objects_of, prepared, rows, surface, target
+from small_scenes import objects_of, prepared, rows, surface, table_of, target
 
 from mnsf_ros.objects.decision import evidence, free_space, moves, moving_scores
-from mnsf_ros.objects.motion_memory import Expectation
+from mnsf_ros.objects.expectation import Expectation
 from mnsf_ros.objects.motions import best_of, judge
-from mnsf_ros.objects.proposals import Suspects
+from mnsf_ros.objects.suspects import with_suspects
 from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import Settings
 
@@ -29,7 +31,7 @@ def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
     """The only object, with a track that expects a motion with some odds."""
     expected = Expectation(np.ones(1), rows(track), np.zeros(1), np.full(1, odds), np.full(1, 0.05))
     standing = judge(objects, targets, rows((0, 0, 0)))
-    return Suspects(objects, standing, expected)
+    return table_of(objects, expected, targets, standing=standing)
 
 
 @pytest.mark.parametrize(
@@ -62,11 +64,9 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     targets = Targets([target(slid(step * 0.4), current, -step) for step in (-1, 1)], [])
     objects = objects_of(current, max_size_m=20.0)
     nearest = objects.centers[:, 0] < 15
-    nothing = 0.0 * nearest
-    expected = Expectation(nothing, 0 * objects.centers, nothing, nothing, nothing + 1)
-    suspects = Suspects.among(objects, targets, expected)
-    assert suspects.objects.numbers == objects.numbers[nearest]
-    side = objects.only(nearest)
+    table = with_suspects(table_of(objects), targets, max_suspects=9)
+    assert table.open_rows == np.flatnonzero(nearest)
+    side = objects.take(table.open_rows)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
     assert free_space(side, targets, motion)[0] > 10 * max(
         *free_space(side, targets, 0 * motion), *free_space(side, targets, -motion), 1
@@ -84,12 +84,13 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     suspects, without = (
         suspects_of(targets, objects_of(current), motion, each) for each in (odds, 0.0)
     )
-    moving = judge(suspects.objects, targets, rows(motion))
-    standing, nothing = suspects.standing, (np.zeros(1), np.zeros(1, np.bool_))
-    features = evidence(suspects, standing, moving, *nothing)
-    bias = moving_scores(evidence(without, standing, moving, *nothing))
+    moving = judge(suspects.points, targets, rows(motion))
+    known, bias = (
+        moving_scores(evidence(replace(table, moving=moving), table.standing, np.zeros(1)))
+        for table in (suspects, without)
+    )
     # The evidence of this sweep alone is just not enough.
-    scores = moving_scores(features) - bias - 1.0
+    scores = known - bias - 1.0
     assert scores[0] == pytest.approx(-1.0 + 0.4 * odds)
     may_move, is_moving = moves(*ONE, moving.motions, scores, 0.1, Settings().objects)
     assert may_move[0]
@@ -103,13 +104,13 @@ def test_where_a_sweep_does_not_tell_a_mover_goes_on_as_expected(odds, goes_on):
     targets = Targets([target(prepared(plate(12)), current, step) for step in (1, -1)], [])
     suspects = suspects_of(targets, objects_of(current), motion[0], odds)
     standing, surprise = suspects.standing, suspects.expected.surprise
-    found = best_of(suspects.objects, targets, standing, [motion], surprise)
+    found = best_of(suspects.points, targets, standing, [motion], surprise)
     assert (found.motions == motion).all() == goes_on
     # One that it was shown to stand by does not.
     elsewhere = rows((0, -2.0, 0))
     suspects = suspects_of(targets, objects_of(current), elsewhere[0], odds)
     surprise = suspects.expected.surprise
-    found = best_of(suspects.objects, targets, standing, [elsewhere], surprise)
+    found = best_of(suspects.points, targets, standing, [elsewhere], surprise)
     assert not found.motions.any()
 
 

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from box_street import BoxStreet, pose
-from small_scenes import rows
+from small_scenes import moved_by, rows, table_of
 
-from mnsf_ros.objects.motion_memory import Expectation, MotionMemory
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.scene import PreparedSweeps
 from mnsf_ros.objects.sightings import Sightings
@@ -48,10 +49,9 @@ def object_at(*centers):
 
 def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
-    none = np.zeros(len(objects))
-    pose = current.pose.world_from_sensor
-    around, usual_s = (objects.positions, objects.owners), interval_s or 0.1
-    seen = Sightings.of(objects, motions, none, none == 0, none + 1, around, pose, usual_s)
+    groups = np.arange(len(objects))
+    table = table_of(objects, moving=moved_by(motions), held=1.0, groups=groups)
+    seen = Sightings.of(table, current.pose.world_from_sensor, interval_s or 0.1)
     stamp_ns = current.sweep.stamp_ns
     return memory.follow(memory.expected(stamp_ns, interval_s), seen, stamp_ns, interval_s)
 

@@ -280,7 +280,7 @@ class TestChangedSettings:
         estimator.estimate(triplet(0, 1, 2))
         off = estimator.with_settings(SETTINGS.changed({"warm_start.enabled": False}))
         assert off.estimate(triplet(1, 2, 3)).start is Start.COLD_BY_SETTING
-        short = estimator.with_settings(SETTINGS.changed({"warm_start.max_gap_s": 0.05}))
+        short = estimator.with_settings(SETTINGS.changed({"ego_motion.max_gap_s": 0.05}))
         assert short.traits.max_gap_s == 0.05
 
 

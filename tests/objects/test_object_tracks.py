@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import rows, surface
+from small_scenes import moved_by, rows, surface, table_of
 
+from mnsf_ros.objects.motion_memory import follow
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.sightings import Sightings, mover_groups
-from mnsf_ros.objects.tracks import alive, follow
+from mnsf_ros.objects.tracks import alive
 
 INTERVAL_S = 0.1
 
@@ -29,14 +30,10 @@ def seen(*centers, velocity=(10.0, 0.0, 0.0), turn_rate=0.0, size=(2.0, 1.5, 1.5
     """Boxes at these places, all with one velocity and turn rate, or each with its own."""
     number = len(centers)
     motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
-    scores = np.full(number, 3.0)
     objects = objects_at(*centers, size=size)
-    are_moving = np.ones(number, np.bool_)
-    held = np.full(number, held_m)
-    around = objects.positions, objects.owners
-    sightings = Sightings.of(
-        objects, motions, scores, are_moving, held, around, np.eye(4), INTERVAL_S
-    )
+    groups = mover_groups(objects, motions, objects.positions, objects.owners)
+    table = table_of(objects, moving=moved_by(motions), scores=3.0, held=held_m, groups=groups)
+    sightings = Sightings.of(table, np.eye(4), INTERVAL_S)
     return replace(sightings, turn_rates=np.full(number, turn_rate))
 
 

@@ -19,6 +19,10 @@ def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
     return (range_m * directions.T).astype(np.float32)
 
 
+def are_between(view, places):
+    return view.limits_m(places, view, reach_m=0.5, hidden_m=0.1) == 0
+
+
 @pytest.mark.parametrize(
     ("beams_deg", "place_deg", "is_between"),
     [
@@ -30,18 +34,18 @@ def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
 )
 def test_between_few_beams_nothing_is_known(beams_deg, place_deg, is_between):
     view = RangeView(rings(beams_deg))
-    assert view.are_between(rings([place_deg])).all() == is_between
-    assert view.are_between(rings([place_deg])).any() == is_between
+    assert are_between(view, rings([place_deg])).all() == is_between
+    assert are_between(view, rings([place_deg])).any() == is_between
 
 
 def test_where_few_things_reach_up_the_beams_still_meet_them():
     ground, person = rings(np.arange(-19.5, 0.0)), rings(np.arange(-4.5, 6.0), np.arange(0, 5, 0.4))
     view = RangeView(np.concatenate([ground, person]))
-    assert not view.are_between(person).any()
+    assert not are_between(view, person).any()
 
 
 def test_nothing_returned():
-    assert not RangeView(rings([])).are_between(rings(FEW)).any()
+    assert not are_between(RangeView(rings([])), rings(FEW)).any()
 
 
 @pytest.mark.parametrize(
@@ -51,6 +55,24 @@ def test_beside_its_view_a_sensor_sees_nothing(azimuth_deg, is_beside):
     view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(-40.0, 40.0, 0.4)))
     assert view.are_beside(rings([0.0], [azimuth_deg], range_m=5.0)) == is_beside
     assert view.are_beside(rings([25.0], [azimuth_deg], range_m=20.0)) == is_beside
+
+
+def test_what_can_be_seen_limits_how_far_off_a_point_may_be():
+    view, other = (
+        RangeView(rings(np.arange(-12.5, 13.0), np.arange(first, last, 0.4)))
+        for first, last in ((-40.0, 40.0), (0.0, 360.0))
+    )
+
+    def limits_of(seen_from, *places):
+        return view.limits_m(np.concatenate(places), seen_from, 0.5, 0.1).tolist()
+
+    near, behind, aside = (
+        rings([0.0], [azimuth_deg], range_m)
+        for azimuth_deg, range_m in ((0.0, 10.0), (0.0, 15.0), (180.0, 5.0))
+    )
+    assert limits_of(view, near, behind, aside) == pytest.approx([0.5, 0.1, 0.1])
+    # The other view has returns from there.
+    assert limits_of(other, near, behind, aside) == pytest.approx([0.5, 0.1, 0.5])
 
 
 def test_an_azimuth_between_two_columns_is_in_view():
