@@ -31,9 +31,12 @@ STREET := street
 PYTHONS := 3.10 3.11 3.12 3.13 3.14
 WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$python
 
-.PHONY: setup complete demo view picture test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
+.PHONY: help setup complete demo view picture test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
-setup: $(READY)
+help: ## lists these
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
+
+setup: $(READY) ## installs the node and its views into .venv: 0.8 GB, some minutes
 
 complete: $(COMPLETE)
 
@@ -56,14 +59,14 @@ $(COMPLETE): $(READY)
 # domain of ROS of its own, away from robots.
 demo: export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 demo: export ROS_DOMAIN_ID := $(or $(DOMAIN),$(shell shuf -i 1-101 -n 1))
-demo: $(READY) $(if $(BAG),,$(STREET))
+demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, through the live node, on a page
 	@$(BIN)/scene_flow_node --ros-args -r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
 	trap "kill $$node $$play 2> /dev/null; wait" EXIT; trap exit INT TERM; \
 	$(BIN)/mnsf view $(VIEW_OPTIONS)
 
 # The same on the page alone, to play, pause and step.
-view: $(READY) $(if $(BAG),,$(STREET))
+view: $(READY) $(if $(BAG),,$(STREET)) ## the same without the node, to pause and step
 	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') $(VIEW_OPTIONS)
 
 $(STREET): | $(READY)
@@ -77,11 +80,11 @@ picture: $(COMPLETE) $(STREET)
 # after the other.
 TEST := ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
-test: $(COMPLETE)
+test: $(COMPLETE) ## the tests, in some minutes; installs PyTorch for the CPU, too
 	$(TEST) -m 'not slow' $(TEST_OPTIONS)
 
 # With kills, hostile files, locales and benchmarks.
-test-all: $(COMPLETE)
+test-all: $(COMPLETE) ## with slow tests
 	$(TEST) $(TEST_OPTIONS)
 
 # What readers of clouds, files and settings do with anything; FUZZ_EXAMPLES=100000 takes hours.
@@ -89,7 +92,7 @@ FUZZ_EXAMPLES ?= 5000
 fuzz: $(COMPLETE)
 	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests/fuzzing $(TEST_OPTIONS)
 
-lint: $(COMPLETE)
+lint: $(COMPLETE) ## style, types and layers
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -138,5 +141,5 @@ config: $(READY)
 	{ sed '/^| setting/,$$d' docs/parameters.md; $(BIN)/mnsf parameters --format markdown; } \
 		> docs/parameters.new && mv docs/parameters.new docs/parameters.md
 
-clean:
+clean: ## removes .venv and the street
 	rm -rf $(VENV) $(STREET) build install log *.egg-info

@@ -108,7 +108,9 @@ class EgoMotionSettings:
     map_sweeps: int = declared(
         30, "Map cells are deleted when not seen for this many sweeps", 1, 10_000
     )
-    max_gap_s: float = declared(2.0, "Map, tracks and networks start afresh after a longer gap", 0.01, 60)
+    max_gap_s: float = declared(
+        2.0, "Map, tracks and networks start afresh after a longer gap", 0.01, 60
+    )
     sensor_x_m: float = declared(0.0, "Lidar position in the odometry's child frame, x", -100, 100)
     sensor_y_m: float = declared(0.0, "Lidar position in the odometry's child frame, y", -100, 100)
     sensor_z_m: float = declared(0.0, "Lidar position in the odometry's child frame, z", -100, 100)

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from difflib import get_close_matches
 from importlib import import_module
 from types import FrameType
 from typing import Final
@@ -101,8 +102,14 @@ def run(arguments: list[str] | None = None) -> int:
 def _parsed(arguments: list[str]) -> argparse.Namespace:
     name = next(iter(arguments), "")
     if name not in _COMMANDS:
+        overview = _overview()
+        if not arguments:
+            overview.print_help(sys.stderr)
+            sys.exit(EXIT_USAGE)
+        if not name.startswith("-"):
+            overview.error(_unknown(name))
         # Shows the help or the version, or what is wrong.
-        return _overview().parse_args(arguments)
+        return overview.parse_args(arguments)
     summary, module = _COMMANDS[name]
     parser = Parser(
         prog=f"mnsf {name}",
@@ -116,6 +123,13 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
         add_max_memory(Arguments(parser))
     # Options may stand anywhere, also between recordings.
     return parser.parse_intermixed_args(arguments[1:])
+
+
+def _unknown(name: str) -> str:
+    """Says that a command is not known, and which ones are like it."""
+    alike = get_close_matches(name, _COMMANDS, n=1)
+    hint = f"did you mean {alike[0]}?" if alike else f"expected one of {', '.join(_COMMANDS)}"
+    return f"no command {name!r}; {hint}"
 
 
 def _overview() -> Parser:

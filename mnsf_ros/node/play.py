@@ -3,12 +3,13 @@
 
 import heapq
 import itertools
+import struct
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any, Final, TypeVar
 
-from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
+from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, begins_with_header
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -16,6 +17,9 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
 _CLOCK_PERIOD_S: Final = 0.025
+# Between the stamps of two rounds: as between sweeps of most lidars.
+_GAP_NS: Final = NANOSECONDS // 10
+_HEADER_AT: Final = 4
 
 Publish = Callable[[bytes], None]
 Timed = TypeVar("Timed", bound=tuple[Any, ...])
@@ -40,7 +44,8 @@ def play(
         on_left_out: Called once for each topic that cannot be published, with the reason.
         topics: Only these, which must be in the recording; all if empty.
         rate: Speed over that of the recording, above 0.
-        loop: Start again at the end.
+        loop: Start again at the end. Stamps go on if all messages begin with a header, else they
+            go back.
         clock: Publish the time of the recording on /clock, for `use_sim_time`.
         wait: Start when somebody subscribes to a cloud of the recording.
 
@@ -55,9 +60,12 @@ def play(
         clouds = [one for one in publishers if reader.topics[one].msgtype == CLOUD_TYPE]
         while wait and not any(map(ros.node.count_subscribers, clouds)):
             ros.spin_for(_SETTLE_S)
+        goes_on = all(begins_with_header(reader.topics[one].msgtype) for one in publishers)
+        first_ns, last_ns = reader.span_ns
+        round_ns = last_ns - first_ns + _GAP_NS if goes_on else 0
         number = 0
-        for _ in itertools.count() if loop else range(1):
-            messages = _in_order(reader, list(publishers))
+        for index in itertools.count() if loop else range(1):
+            messages = _later(_in_order(reader, list(publishers)), index * round_ns)
             for _, topic, raw in in_time(messages, ros.spin_for, rate, tell_time):
                 publishers[topic](raw)
                 number += 1
@@ -89,6 +97,25 @@ def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, s
         return ((time_ns, topic, raw) for time_ns, raw in reader.raw_messages(topic))
 
     return heapq.merge(*map(of, topics), key=itemgetter(0))
+
+
+def _later(
+    messages: Iterable[tuple[int, str, bytes]], shift_ns: int
+) -> Iterator[tuple[int, str, bytes]]:
+    """The messages, which begin with a header, and their stamps so much later."""
+    for time_ns, topic, raw in messages:
+        yield time_ns + shift_ns, topic, _stamped_later(raw, shift_ns) if shift_ns else raw
+
+
+def _stamped_later(raw: bytes, shift_ns: int) -> bytes:
+    # CDR: the second of four bytes tells the order of bytes; seconds and nanoseconds follow.
+    form = "<iI" if raw[1] & 1 else ">iI"
+    seconds, nanoseconds = struct.unpack_from(form, raw, _HEADER_AT)
+    later = divmod(seconds * NANOSECONDS + nanoseconds + shift_ns, NANOSECONDS)
+    result = bytearray(raw)
+    # The year 2038 goes on as 1970.
+    struct.pack_into(form, result, _HEADER_AT, later[0] % 2**31, later[1])
+    return bytes(result)
 
 
 def in_time(

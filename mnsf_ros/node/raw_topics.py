@@ -49,6 +49,16 @@ def message_class(msgtype: str) -> Any:  # noqa: ANN401 - a class of ROS
     return found
 
 
+def begins_with_header(msgtype: str) -> bool:
+    """Whether messages of an installed type begin with a header, which has a stamp.
+
+    Raises:
+        MessageTypeError: The type cannot be imported.
+    """
+    fields = message_class(msgtype).get_fields_and_field_types()
+    return next(iter(fields.items()), None) == ("header", "std_msgs/Header")
+
+
 class RawTopics:
     """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
 

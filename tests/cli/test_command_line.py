@@ -20,6 +20,20 @@ def only_line(capsys):
     return lines[0]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "simulate    write a recording"),
+        (["evalute", "street"], "did you mean evaluate?"),
+        (["street.mcap"], "no command 'street.mcap'; expected one of view, play,"),
+    ],
+)
+def test_says_which_commands_there_are(arguments, words, capsys):
+    with pytest.raises(SystemExit, match=str(EXIT_USAGE)):
+        run(arguments)
+    assert words in capsys.readouterr().err
+
+
 def test_parameters_prints_a_parameter_file(capsys):
     assert run(["parameters"]) == 0
     printed = capsys.readouterr().out

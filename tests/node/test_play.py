@@ -2,12 +2,14 @@
 """A recording is published as it was recorded."""
 
 import itertools
+import struct
 import subprocess
 import sys
 import time
 from pathlib import Path
 from threading import Thread
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -20,6 +22,7 @@ from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 
 TOPICS = ("/points", "/truth/odometry")
+AFTER_STAMP = 12
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +41,11 @@ def stored(recording: Path, topic: str) -> list[tuple[int, bytes]]:
     """Times and messages of a topic."""
     with BagReader(recording) as reader:
         return [(time_ns, bytes(raw)) for time_ns, raw in reader.raw_messages(topic)]
+
+
+def stamp_of(raw: bytes) -> tuple[int, int]:
+    """Seconds and nanoseconds of a serialized message that begins with a header."""
+    return struct.unpack_from("<iI", raw, 4)
 
 
 def listen(ros: RawTopics, topic: str, msgtype: str, heard: list[bytes]) -> None:
@@ -90,17 +98,20 @@ def test_topics_are_chosen_and_the_first_message_waits_for_somebody_who_listens(
 
 
 def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain: None) -> None:
-    points = [raw for _, raw in stored(street, "/points")]
+    points = [raw[AFTER_STAMP:] for _, raw in stored(street, "/points")]
     heard: list[bytes] = []
 
     def is_round() -> bool:
-        """Whether a round is whole; both ends may find each other late. DDS pads messages."""
+        """Whether two rounds are whole; both ends may find each other late. DDS pads messages."""
+        contents, two = [raw[AFTER_STAMP:] for raw in heard], [*points, *points]
         return any(
-            all(map(bytes.startswith, heard[start : start + len(points)], points))
-            for start in range(len(heard) - len(points) + 1)
+            all(map(bytes.startswith, contents[start : start + len(two)], two))
+            for start in range(len(contents) - len(two) + 1)
         )
 
-    command = [sys.executable, "-m", "mnsf_ros.cli", "play", str(street), "--loop", "--rate", "2"]
+    topics = ",".join(TOPICS)
+    command = [sys.executable, "-m", "mnsf_ros.cli", "play", street, "--topics", topics]
+    command += ["--loop", "--rate", "4"]
     with (
         RawTopics("listener") as ros,
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
@@ -113,6 +124,8 @@ def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain:
         _, said = process.communicate()
     assert is_round(), said
     assert process.returncode == 0
+    stamps_s = [seconds + nanoseconds / 1e9 for seconds, nanoseconds in map(stamp_of, heard)]
+    assert np.diff(stamps_s) == pytest.approx(0.1, abs=0.01)
 
 
 @pytest.mark.parametrize(
