@@ -80,10 +80,22 @@ class Diagnostics:
     """Makes the statuses `input`, `flow` and `ego motion`; warns when input is silent."""
 
     def __init__(
-        self, node_name: str, faults: FaultLog, find_topics: Callable[[], Sequence[str]]
+        self,
+        node_name: str,
+        faults: FaultLog,
+        find_topics: Callable[[], Sequence[str]],
+        find_other_types: Callable[[Sequence[str]], Sequence[str]],
     ) -> None:
-        """`node_name` is the full name; `find_topics` returns the published topics of clouds."""
-        self._node_name, self._faults, self._find_topics = node_name, faults, find_topics
+        """Starts without any input.
+
+        Args:
+            node_name: Full name.
+            faults: Gets the warnings.
+            find_topics: Returns the published topics of clouds.
+            find_other_types: Returns a text for each of the topics that has no clouds.
+        """
+        self._node_name, self._faults = node_name, faults
+        self._find_topics, self._find_other_types = find_topics, find_other_types
         start = _Moment(time.monotonic(), Counter())
         self._listens_since_s = start.time_s
         self._well = start  # the last moment with flow, or without a reason to expect any
@@ -144,7 +156,7 @@ class Diagnostics:
         )
         silence_s = self._now_s - max(last_s, self._listens_since_s)
         if level == _STALE and silence_s > limits.stale_after_s:
-            self._warn_of_silence(message, silence_s)
+            self._warn_of_silence(state.topic.split(", "), message, silence_s)
         values = {
             "topic": state.topic,
             "publishers": state.num_publishers,
@@ -155,15 +167,15 @@ class Diagnostics:
         }
         return self._status("input", level, message, values)
 
-    def _warn_of_silence(self, message: str, silence_s: float) -> None:
+    def _warn_of_silence(self, own: Sequence[str], message: str, silence_s: float) -> None:
         """Logs it once for each set of topics that are published instead."""
-        topics = ", ".join(self._find_topics())
-        advice = (
-            f"PointCloud2 topics that are published: {topics}"
-            if topics
-            else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
-        )
-        self._faults.warn(f"silence {topics}", f"{message} for {silence_s:.0f} s; {advice}")
+        others, topics = self._find_other_types(own), ", ".join(self._find_topics())
+        if topics:
+            others = [*others, f"PointCloud2 topics that are published: {topics}"]
+        elif not others:
+            others = ["no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"]
+        advice = "; ".join(others)
+        self._faults.warn(f"silence {advice}", f"{message} for {silence_s:.0f} s; {advice}")
 
     def _flow_status(
         self, snapshot: StatisticsSnapshot, load: int, settings: Settings

@@ -5,7 +5,7 @@ import importlib
 import inspect
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final, TypeVar
 
 import rclpy
@@ -147,5 +147,21 @@ def cloud_topics(node: Node) -> list[str]:
     return sorted(
         name
         for name, types in node.get_topic_names_and_types()
-        if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
+        if _CLOUD_TYPE in types
+        and not name.endswith(_OWN_ENDS)
+        and _CLOUD_TYPE in _published_types(node, name)
     )
+
+
+def other_types(node: Node, topics: Iterable[str]) -> list[str]:
+    """Returns a text for each of the topics that is published, but with no clouds."""
+    return [
+        f"{topic} is a {', '.join(sorted(types))}"
+        for topic in topics
+        if (types := _published_types(node, topic)) and _CLOUD_TYPE not in types
+    ]
+
+
+def _published_types(node: Node, topic: str) -> set[str]:
+    """A subscriber's type is none of these."""
+    return {info.topic_type for info in node.get_publishers_info_by_topic(topic)}

@@ -35,10 +35,13 @@ class Story:
     def __init__(self):
         self.now_s = 100.0
         self.topics, self.warnings = [], {}
+        self.others = {"/points": []}
 
     def begin(self):
         self.statistics = OnlineStatistics()
-        self._diagnostics = Diagnostics("robot/flow_node", self, lambda: self.topics)
+        self._diagnostics = Diagnostics(
+            "robot/flow_node", self, lambda: self.topics, lambda own: self.others[own[0]]
+        )
 
     def warn(self, kind, text):
         """A warning in the log."""
@@ -232,6 +235,15 @@ class TestLevels:
             "no sweep on /points for 3 s; no PointCloud2 topic is published, see ROS_DOMAIN_ID if "
             "one should be",
             "no sweep on /points for 6 s; PointCloud2 topics that are published: /front, /rear",
+        ]
+        story.warnings.clear()
+        story.others["/points"] = ["/points is a sensor_msgs/msg/LaserScan"]
+        for topics in ([], ["/front"]):
+            story.topics = topics
+            story.says()
+        assert [text.partition("; ")[2] for text in story.warnings.values()] == [
+            "/points is a sensor_msgs/msg/LaserScan",
+            "/points is a sensor_msgs/msg/LaserScan; PointCloud2 topics that are published: /front",
         ]
 
     def test_while_the_node_is_disabled(self, story):

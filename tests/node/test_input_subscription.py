@@ -1,18 +1,20 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscription follows its publishers, and counts the clouds that it has missed."""
 
+import time
+
 import pytest
 import rclpy
 from moving_boxes import surfaces
 from node_harness import SceneFlowPeer, Spinner
 from rclpy.context import Context
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import LaserScan, PointCloud2
 from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node import subscriptions
-from mnsf_ros.node.raw_topics import RawTopics, only_cloud_topic
+from mnsf_ros.node.raw_topics import RawTopics, cloud_topics, only_cloud_topic, other_types
 from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
@@ -134,12 +136,12 @@ class TestOnlyCloudTopic:
     """The lidar's topic is found where there is only one."""
 
     @pytest.fixture
-    def publish(self, ros, own_domain):
-        """Advertises topics in a graph of their own; one process sees them at once."""
+    def lidars(self, ros, own_domain):
+        """A node in a graph of its own; one process sees its topics at once."""
         context = Context()
         rclpy.init(args=[], context=context)
         node = rclpy.create_node("lidars", context=context)
-        yield lambda *topics: [node.create_publisher(PointCloud2, topic, 1) for topic in topics]
+        yield node
         node.destroy_node()
         context.try_shutdown()
 
@@ -157,7 +159,22 @@ class TestOnlyCloudTopic:
             (["/scene_flow/flow/moving"], "no PointCloud2 topic is published"),
         ],
     )
-    def test_is_the_answer_or_named_in_it(self, publish, topics, answer):
-        publish(*topics)
+    def test_is_the_answer_or_named_in_it(self, lidars, topics, answer):
+        for topic in topics:
+            lidars.create_publisher(PointCloud2, topic, 1)
         # As long as this machine needs.
         assert any(self.found(search_s).startswith(answer) for search_s in (0.3, 2.0, 8.0, 32.0))
+
+    def test_is_none_of_another_type_even_if_somebody_waits_there_for_clouds(self, lidars):
+        lidars.create_publisher(PointCloud2, "/points", 1)
+        lidars.create_subscription(PointCloud2, "/scan", print, 1)
+        topics = ["/scan", "/points", "/nothing"]
+        assert other_types(lidars, topics) == []
+        # One process has one type for a topic; the scanner is another one's.
+        with RawTopics("scanner") as scanner:
+            scanner.node.create_publisher(LaserScan, "/scan", 1)
+            give_up_s = time.monotonic() + 60
+            while not lidars.count_publishers("/scan") and time.monotonic() < give_up_s:
+                scanner.spin_for(0.1)
+            assert other_types(lidars, topics) == ["/scan is a sensor_msgs/msg/LaserScan"]
+            assert cloud_topics(lidars) == ["/points"]
