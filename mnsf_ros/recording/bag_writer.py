@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Writing recordings as rosbag2 folders in mcap format, all or nothing."""
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -43,10 +44,14 @@ class _CheckedMcap:
     def __init__(self, folder: Path, _compression: CompressionMode) -> None:
         self.path = folder / f"{folder.name}.mcap"
         self._stream = self.path.open("xb")
-        self._writer = McapWriter(self._stream, compression=CompressionType.NONE)
+        # mcap 1.6.0 gives offsets of groups that it does not write; `pymcap-cli doctor` objects.
+        self._writer = McapWriter(
+            self._stream, compression=CompressionType.ZSTD, use_summary_offsets=False
+        )
         self._writer.start(profile="ros2")
         self._schemas: dict[str, int] = {}
         self._channels: dict[int, int] = {}
+        self._num_written: Counter[int] = Counter()
 
     def add_msgtype(self, connection: Connection) -> None:
         definition = connection.msgdef.data.encode()
@@ -60,7 +65,9 @@ class _CheckedMcap:
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         number = self._channels[connection.id]
-        self._writer.add_message(number, timestamp, bytes(data), timestamp)
+        self._num_written[number] += 1
+        sequence = self._num_written[number] % 2**32
+        self._writer.add_message(number, timestamp, bytes(data), timestamp, sequence)
 
     def close(self, _version: int, _metadata: str) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]
