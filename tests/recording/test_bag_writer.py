@@ -63,7 +63,7 @@ def test_is_compressed_and_numbered_without_offsets_of_empty_groups(tmp_path):
         reader = make_reader(stream)
         numbers = [(channel.topic, one.sequence) for _, channel, one in reader.iter_messages()]
         assert {chunk.compression for chunk in reader.get_summary().chunk_indexes} == {"zstd"}
-        # What pymcap-cli 0.34 objects to: mcap 1.6.0 gives offsets of groups that it does not write.
+        # pymcap-cli 0.34 objects to offsets of empty groups, which mcap 1.6.0 writes.
         stream.seek(0)
         records = StreamReader(stream, emit_chunks=True).records
         assert not any(isinstance(record, SummaryOffset) for record in records)
