@@ -4,10 +4,13 @@
 What is noticed on the way is counted in Findings.
 """
 
+import math
+from bisect import insort
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from operator import attrgetter
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -27,6 +30,8 @@ from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
+# Messages that are looked at ahead to put them in the order of their header stamps.
+_ORDER_WINDOW: Final = 4
 # Enough of a recording that is damaged from end to end.
 _MAX_DAMAGES: Final = 100
 
@@ -118,7 +123,7 @@ def recorded_sweeps(
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
         return replace(sweep, source=source)
 
-    return _decoded(reader, topic, findings, sweep_of)
+    return _in_stamp_order(_decoded(reader, topic, findings, sweep_of))
 
 
 def recorded_poses(
@@ -130,7 +135,7 @@ def recorded_poses(
         stamp_ns = decode_stamp(message.header.stamp)
         return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
 
-    return _decoded(reader, topic, findings, pose_of)
+    return _in_stamp_order(_decoded(reader, topic, findings, pose_of))
 
 
 def _decoded(
@@ -151,6 +156,26 @@ def _decoded(
             yield None
             continue
         yield decoded
+
+
+def _in_stamp_order(items: Iterator[Item | None]) -> Iterator[Item | None]:
+    """Items in the order of their stamps within a window; a gap or a larger step back ends it."""
+    window: list[Item] = []
+    last_ns = -math.inf
+    for item in items:
+        if item is None or item.stamp_ns < last_ns:
+            yield from window
+            window.clear()
+            last_ns = -math.inf
+        if item is None:
+            yield None
+            continue
+        insort(window, item, key=attrgetter("stamp_ns"))
+        if len(window) > _ORDER_WINDOW:
+            oldest = window.pop(0)
+            last_ns = oldest.stamp_ns
+            yield oldest
+    yield from window
 
 
 # Above the rounding of stamps as floating point numbers, below the interval of any lidar.
@@ -211,7 +236,7 @@ def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[
     def cloud_of(message: Any, _: int) -> TruthCloud:  # noqa: ANN401 - a PointCloud2
         return TruthCloud(decode_stamp(message.header.stamp), message)
 
-    return filter(None, _decoded(reader, topic, findings, cloud_of))
+    return filter(None, _in_stamp_order(_decoded(reader, topic, findings, cloud_of)))
 
 
 class TruthTrack:

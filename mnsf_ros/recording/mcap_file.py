@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
 from mnsf_ros.errors import UNREADABLE
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
+from mnsf_ros.recording.bag_topics import CDR, TopicSummary, add_topic, has_latched_profile
 from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
@@ -53,18 +53,20 @@ class McapFile(StorageFile):
             if counts is None:
                 counts = self._read_all(file)
         for number, channel in self._channels.items():
-            if channel.message_encoding == "cdr":
-                schema = self._schemas.get(channel.schema_id)
-                is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
-                summary = TopicSummary(schema.name if schema else "", counts[number], is_latched)
-                add_topic(self.topics, channel.topic, summary)
+            schema = self._schemas.get(channel.schema_id)
+            is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
+            msgtype, encoding = schema.name if schema else "", channel.message_encoding
+            if schema and schema.encoding == "omgidl":
+                encoding += " of omgidl"  # types of other DDS programs
+            summary = TopicSummary(msgtype, counts[number], is_latched, encoding)
+            add_topic(self.topics, channel.topic, summary)
 
     def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
         """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
         channels = {
             number
             for number, one in self._channels.items()
-            if one.topic == topic and one.message_encoding == "cdr"
+            if one.topic == topic and one.message_encoding == CDR
         }
         with self.path.open("rb") as file:
             for place in self._places:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import small_evaluations as small
-from bag_messages import cloud_message
+from bag_messages import cloud_cdr, cloud_message
 
 from mnsf_ros.evaluation.tracks import (
     Event,
@@ -20,6 +20,7 @@ from mnsf_ros.evaluation.tracks import (
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from msg_utils.point_cloud2 import encode_columns
@@ -202,6 +203,28 @@ def test_damage_of_odometry_says_which_message(tmp_path):
     assert [item is None for item in found] == [False, True, False, True]
     positions = [damage.position for damage in findings.damages]
     assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]
+
+
+@pytest.mark.parametrize(
+    ("order", "given"),
+    [
+        ([0, 2, 1, 3, 7, 4, 5, 6, 8, 9], list(range(10))),
+        ([4, 3, 2, 1, 0, 5], list(range(6))),
+        # Later than the window, and a recording that begins anew.
+        ([0, 2, 3, 4, 5, 6, 7, 1, 8], [0, 2, 3, 4, 5, 6, 7, 1, 8]),
+        ([10, 11, 12, 13, 14, 15, 3, 4, 6, 5], [10, 11, 12, 13, 14, 15, 3, 4, 5, 6]),
+        ([0, 900, 2, 1, 3, 4, 5], [0, 1, 2, 3, 4, 5, 900]),
+    ],
+)
+def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given):
+    with BagWriter(tmp_path / "drive") as writer:
+        for received, index in enumerate(order):
+            encoded = encode_columns(dict(zip("xyz", small.xyz(0).T, strict=True)), 1, 60)
+            raw = cloud_cdr(encoded, small.stamp(index))
+            writer.write_raw("/points", CLOUD_TYPE, small.stamp(received), raw)
+    with BagReader(tmp_path / "drive") as reader:
+        sweeps = recorded_sweeps(reader, "/points", "drive", Settings().time, Findings())
+        assert [sweep.stamp_ns for sweep in sweeps] == [small.stamp(index) for index in given]
 
 
 def test_sweeps_have_the_times_of_their_points(tmp_path):
