@@ -52,7 +52,7 @@ _Arrays = dict[str, NDArray[Any]]
 def open_file(source: Path) -> SweepSource:
     """Opens an `.h5` file."""
     keys = _sweep_keys(source)
-    stamps = _nanoseconds(keys)
+    stamps = stamps_ns(keys)
     first = np.unique(np.linspace(0, len(keys) - 2, min(_NUM_COMPARED, len(keys) - 1)).astype(int))
     compared = (_sweeps(source, keys[one : one + 2], stamps) for one in first)
     from_points, note = frame_of_points((current, following) for current, following in compared)
@@ -75,7 +75,7 @@ def _sweep_keys(source: Path) -> list[str]:
     return sorted(keys, key=int)
 
 
-def _nanoseconds(keys: Iterable[str]) -> dict[str, int]:
+def stamps_ns(keys: Iterable[str]) -> dict[str, int]:
     """Returns group to stamp in nanoseconds; the unit is told by digits and intervals."""
     stamps = {key: int(key) for key in keys}
     found = sorted(stamps.values()) or [0]
@@ -159,7 +159,7 @@ class OpenSceneFlowWriter:
         self._key = key
         self._labels = labels
         self._overwrite = overwrite
-        self._groups = {stamp: name for name, stamp in _nanoseconds(file).items()}
+        self._groups = {stamp: name for name, stamp in stamps_ns(file).items()}
         self._is_new = not self._groups
         # Object to its number in the file, which has 16 bits for it.
         self._instances = {0: 0}
