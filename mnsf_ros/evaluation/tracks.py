@@ -144,6 +144,8 @@ def _decoded(
     """Decoded messages with their times of reception, None for damage."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
+            if item.is_memory:
+                raise item.error()  # the file is intact, and a larger limit reads it
             findings.report(item)
             yield None
             continue

@@ -3,8 +3,6 @@
 
 import copy
 import math
-import shutil
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -31,15 +29,11 @@ from mnsf_ros.recording.bag_topics import (
     known_topic,
     listing,
 )
+from mnsf_ros.recording.expansion import expand_file, expanded
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File
 from mnsf_ros.recording.sqlite_file import SqliteFile
 from mnsf_ros.recording.storage_file import Converted, Damage, Readable, StorageFile
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 _MAX_WARNINGS: Final = 5
 # How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
@@ -237,8 +231,7 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
         raise OSError(f"{path.name!r} is not a regular file")
     if path.suffix == COMPRESSED:
         plain = Path(stack.enter_context(TemporaryDirectory()), path.stem)
-        with zstd.open(path, "rb") as content, plain.open("wb") as file:
-            shutil.copyfileobj(content, file)
+        expand_file(path, plain)
         path = plain
     if path.suffix == MCAP:
         return McapFile(path)
@@ -247,4 +240,4 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
 
 def _expanded(raw: bytes) -> bytes:
     """Returns a ROS 2 message, decompressed if it was compressed by itself."""
-    return zstd.decompress(raw) if raw.startswith(_ZSTD_MAGIC) else raw
+    return expanded(raw, "zstd") if raw.startswith(_ZSTD_MAGIC) else raw

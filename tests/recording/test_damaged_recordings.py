@@ -198,6 +198,20 @@ def test_no_damage_of_a_chunk_costs_another_one(tmp_path, place, number):
     assert found == [index for index in ALL if index != number]
 
 
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_chunk_that_expands_to_more_than_it_claims_is_left_out(tmp_path, compression):
+    """By the library of mcap the size that the compressed data claims is taken."""
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", compression)
+    data, chunk = bytearray(file.read_bytes()), chunk_offsets(file)[3]
+    # Behind its kind, length, and two times.
+    data[chunk + 25 : chunk + 33] = (500).to_bytes(8, "little")
+    file.write_bytes(data)
+    found, reader = read(file)
+    assert found == [0, 1, 2, LOST, 4, 5, 6, 7, 8, 9]
+    with reader, pytest.raises(RecordingError, match="it expands to more than 500 bytes"):
+        list(reader.messages("/points"))
+
+
 def test_checksum_that_was_erased_is_missed(tmp_path):
     file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", CompressionType.NONE)
     data = bytearray(file.read_bytes())
