@@ -268,7 +268,7 @@ def test_topics_of_other_encodings_are_listed(tmp_path, message_encoding, name, 
 
 
 def test_write_ahead_log_of_a_killed_recorder_is_read_and_stays(tmp_path):
-    """Copied while the recorder writes, as it leaves its files when it is killed."""
+    """As it leaves its files; findings/rosbags-write-ahead-log.sh has a reader that ignores it."""
     bag, left = tiny_bags.write_sqlite(tmp_path / "bag"), tmp_path / "left"
     with contextlib.closing(sqlite3.connect(bag / "bag.db3", isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode=WAL")
