@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.datasets.argoverse2 import submission
+from mnsf_ros.datasets.argoverse2_submission import submission_2023, submission_v3
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import open_scene_flow_writer
 from mnsf_ros.errors import DatasetError
@@ -29,14 +29,20 @@ _EPILOG: Final = """\
 formats:
   opensceneflow  OUT is a folder. Estimates are added to OUT/NAME.h5, the file of the
                  recording NAME; without one it is made, with sweeps, poses and truth.
-  argoverse2     OUT is the .zip of a submission: the sweeps and points of --mask, for
-                 recordings named by their logs, as mnsf convert argoverse2 makes them.
+  argoverse2-v3  OUT is the .zip of a submission to the leaderboard of 2026: residual flow
+                 of all points in the sweeps of --index, for recordings named by their
+                 scenes, as mnsf convert opensceneflow makes them.
+  argoverse2-2023
+                 OUT is the .zip of a submission to the challenge of 2023: the sweeps and
+                 points of --mask, for recordings named by their logs, as mnsf convert
+                 argoverse2 makes them.
 
 Points without an estimate have the flow of static points.
 
 Examples:
   mnsf export opensceneflow street --out flows
-  mnsf export argoverse2 LOG... --out online.zip --mask test-masks.zip
+  mnsf export argoverse2-v3 SCENE... --out online.zip --index index_eval.pkl
+  mnsf export argoverse2-2023 LOG... --out online.zip --mask test-masks.zip
 """
 
 
@@ -51,7 +57,8 @@ def add_export(arguments: Arguments) -> str:
     arguments.value("--odometry TOPIC", "sensor poses (default: /truth/odometry if present)")
     arguments.value("--key NAME", "name of the estimates in .h5 files (default: the method)")
     arguments.flag("--labels", "also write the estimates as labels to train on (.h5)")
-    arguments.value("--mask ZIP", "archive of the masks of the challenge (argoverse2)", Path)
+    arguments.value("--mask ZIP", "masks of the challenge (argoverse2-2023)", Path)
+    arguments.value("--index FILE", "index_eval.pkl of the leaderboard (argoverse2-v3)", Path)
     arguments.flag("--force", "replace estimates that are there already")
     return _EPILOG
 
@@ -70,8 +77,8 @@ def run_export(options: argparse.Namespace) -> None:
 def _export_open_scene_flow(
     options: argparse.Namespace, recordings: list[EvaluatedRecording], settings: EvaluationOptions
 ) -> None:
-    if options.mask is not None:
-        raise DatasetError("--mask: is for the format argoverse2")
+    if options.mask is not None or options.index is not None:
+        raise DatasetError("--mask and --index: are for the formats argoverse2-…")
     options.out.mkdir(parents=True, exist_ok=True)
     for recording in recordings:
         path = options.out / f"{recording.name}.h5"
@@ -85,9 +92,11 @@ def _export_open_scene_flow(
 def _export_argoverse2(
     options: argparse.Namespace, recordings: list[EvaluatedRecording], settings: EvaluationOptions
 ) -> None:
-    if options.mask is None or options.labels or options.key:
-        raise DatasetError("argoverse2: expected --mask ZIP, and neither --key nor --labels")
-    with submission(options.out, options.mask, overwrite=options.force) as archive:
+    opened, name = _SUBMISSIONS[options.format]
+    sweeps = getattr(options, name)
+    if sweeps is None or options.labels or options.key or (options.mask and options.index):
+        raise DatasetError(f"{options.format}: expected --{name}, not --key, --labels and others")
+    with opened(options.out, sweeps, overwrite=options.force) as archive:
         for recording in recordings:
 
             def write(sweep: ExportedSweep, log: str = recording.name) -> None:
@@ -103,7 +112,15 @@ def _export_argoverse2(
         )
 
 
-_FORMATS: Final = {"opensceneflow": _export_open_scene_flow, "argoverse2": _export_argoverse2}
+# The option that says which sweeps.
+_SUBMISSIONS: Final = {
+    "argoverse2-v3": (submission_v3, "index"),
+    "argoverse2-2023": (submission_2023, "mask"),
+}
+_FORMATS: Final = {
+    "opensceneflow": _export_open_scene_flow,
+    **dict.fromkeys(_SUBMISSIONS, _export_argoverse2),
+}
 
 
 def _export(

@@ -84,8 +84,8 @@ def run_convert(options: argparse.Namespace) -> None:
         )
     console.say(f"{summary.num_sweeps} sweeps in {options.out}")
     console.say(str(summary))
-    if summary.warning:
-        console.say(f"warning: {summary.warning}")
+    for warning in filter(None, (source.note, summary.warning)):
+        console.say(f"warning: {warning}")
 
 
 def add_play(arguments: Arguments) -> None:

@@ -56,8 +56,12 @@ class ExportedSweep:
         """(N,) the points that move over ground, as the method says, or by their flow."""
         if self.estimate is not None and self.estimate.over_ground is not None:
             return self.estimate.over_ground.dynamic
-        residual = residual_flow(self.sweep.xyz, self.flow, self._motion)
-        return np.linalg.norm(residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
+        return np.linalg.norm(self.residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
+
+    @property
+    def residual(self) -> NDArray[np.float32]:
+        """(N, 3) metres, flow without ego motion, in the axes of the next sweep."""
+        return residual_flow(self.sweep.xyz, self.flow, self._motion)
 
     @property
     def as_truth(self) -> FlowTruth:

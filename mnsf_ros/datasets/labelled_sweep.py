@@ -2,7 +2,7 @@
 """Sweeps of any data set with their labels."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Any, Final
 
@@ -127,11 +127,13 @@ class SweepSource:
         frame_id: Frame of the points.
         num_sweeps: Number of sweeps.
         sweeps: Sweeps in the order of their stamps; can be iterated once.
+        note: What a user may not expect of the files; empty if nothing.
     """
 
     frame_id: str
     num_sweeps: int
     sweeps: Iterable[LabelledSweep]
+    note: str = ""
 
     def part(self, first: int = 0, count: int | None = None) -> "SweepSource":
         """Returns the sweeps from number `first` on, counted from 0, at most `count` of them.
@@ -144,4 +146,4 @@ class SweepSource:
         if first >= self.num_sweeps:
             raise DatasetError(f"first {first}: there are only {self.num_sweeps} sweeps")
         end = self.num_sweeps if count is None else min(first + count, self.num_sweeps)
-        return SweepSource(self.frame_id, end - first, islice(self.sweeps, first, end))
+        return replace(self, num_sweeps=end - first, sweeps=islice(self.sweeps, first, end))

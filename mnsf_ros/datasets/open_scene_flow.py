@@ -4,8 +4,9 @@
 import pickle
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,13 +16,21 @@ from numpy.typing import DTypeLike, NDArray
 from mnsf_ros.datasets.argoverse2 import argoverse2_classes, argoverse2_numbers
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets.pose_frame import frame_of_points
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps_io.files import as_type, new_file, reading
 
-# Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
-_FIRST_NANOSECONDS: Final = 10**17
+# Units of stamps in the files of the extractors: Argoverse 2; ZOD; nuScenes, Waymo, TruckScenes.
+_UNITS_NS: Final = (1, 100, 1000)
+# Stamps count from 1970, between 1979 (Argoverse 2 has 1980) and 2065; no two units fit both.
+_SECONDS: Final = (3e8, 3e9)
+# Between two sweeps of a lidar; of several units the one nearest to the usual interval counts.
+_INTERVALS_S: Final = (0.005, 5.0)
+_USUAL_INTERVAL_S: Final = 0.1
+# Pairs of sweeps that are compared with their poses.
+_NUM_COMPARED: Final = 30
 _STAMP: Final = re.compile("[0-9]{1,19}")
 # Data sets of a sweep that are no estimate.
 _SWEEP_KEYS: Final = ("lidar", "ground_mask", "pose")
@@ -43,7 +52,16 @@ _Arrays = dict[str, NDArray[Any]]
 def open_file(source: Path) -> SweepSource:
     """Opens an `.h5` file."""
     keys = _sweep_keys(source)
-    return SweepSource("lidar", len(keys), _sweeps(source, keys))
+    stamps = stamps_ns(keys)
+    first = np.unique(np.linspace(0, len(keys) - 2, min(_NUM_COMPARED, len(keys) - 1)).astype(int))
+    compared = (_sweeps(source, keys[one : one + 2], stamps) for one in first)
+    from_points, note = frame_of_points((current, following) for current, following in compared)
+
+    def sweeps() -> Iterator[LabelledSweep]:
+        for sweep in _sweeps(source, keys, stamps):
+            yield sweep if sweep.pose is None else replace(sweep, pose=sweep.pose @ from_points)
+
+    return SweepSource("lidar", len(keys), sweeps(), note)
 
 
 def _sweep_keys(source: Path) -> list[str]:
@@ -57,16 +75,31 @@ def _sweep_keys(source: Path) -> list[str]:
     return sorted(keys, key=int)
 
 
-def _nanoseconds(stamp: int) -> int:
-    """Returns the stamp of a group in nanoseconds."""
-    return stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000
+def stamps_ns(keys: Iterable[str]) -> dict[str, int]:
+    """Returns group to stamp in nanoseconds; the unit is told by digits and intervals."""
+    stamps = {key: int(key) for key in keys}
+    found = sorted(stamps.values()) or [0]
+    interval = float(np.median(np.diff(np.array(found, float)))) if len(found) > 1 else 0.0
+
+    def is_date(unit_ns: int) -> bool:
+        return _SECONDS[0] <= found[0] * unit_ns * 1e-9 < _SECONDS[1]
+
+    def is_lidar(unit_ns: int) -> bool:
+        return _INTERVALS_S[0] <= interval * unit_ns * 1e-9 <= _INTERVALS_S[1]
+
+    def oddity(unit_ns: int) -> tuple[bool, bool, float]:
+        ratio = interval * unit_ns * 1e-9 / _USUAL_INTERVAL_S
+        return not is_date(unit_ns), not is_lidar(unit_ns), abs(np.log(ratio or 1.0))
+
+    unit_ns = min(_UNITS_NS, key=oddity)
+    return {key: stamp * unit_ns for key, stamp in stamps.items()}
 
 
-def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
+def _sweeps(source: Path, keys: list[str], stamps: Mapping[str, int]) -> Iterator[LabelledSweep]:
     with reading(source), _h5_file(source) as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
-                sweep = _sweep(int(key), _group_of(file, key))
+                sweep = _sweep(stamps[key], _group_of(file, key))
             yield sweep
 
 
@@ -95,7 +128,7 @@ def _array_of(group: Any, name: str, dtype: DTypeLike) -> NDArray[Any]:  # noqa:
     return as_type(data[...], dtype)
 
 
-def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
+def _sweep(stamp_ns: int, group: Any) -> LabelledSweep:  # noqa: ANN401
     points = _array_of(group, "lidar", np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
@@ -108,7 +141,7 @@ def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
             "class_id": argoverse2_classes(_array_of(group, "flow_category_indices", np.int64)),
         }
     return LabelledSweep(
-        stamp_ns=_nanoseconds(stamp),
+        stamp_ns=stamp_ns,
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
         pose=rigid_pose(_array_of(group, "pose", np.float64)) if "pose" in group else None,
@@ -126,8 +159,7 @@ class OpenSceneFlowWriter:
         self._key = key
         self._labels = labels
         self._overwrite = overwrite
-        # Stamp to the name of its group: stamps of some data sets are microseconds.
-        self._groups = {_nanoseconds(int(name)): name for name in file}
+        self._groups = {stamp: name for name, stamp in stamps_ns(file).items()}
         self._is_new = not self._groups
         # Object to its number in the file, which has 16 bits for it.
         self._instances = {0: 0}

@@ -4,14 +4,18 @@
 What is noticed on the way is counted in Findings.
 """
 
+import math
+from bisect import insort
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from operator import attrgetter
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_track import StampedPose
@@ -26,6 +30,8 @@ from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
+# Messages that are looked at ahead to put them in the order of their header stamps.
+_ORDER_WINDOW: Final = 4
 # Enough of a recording that is damaged from end to end.
 _MAX_DAMAGES: Final = 100
 
@@ -51,6 +57,9 @@ class Event(str, Enum):
     INTERRUPTIONS = "missing sweeps; no triplet spans the gap"
     TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
     TRUTH_UNFIT = "truth clouds that do not match their sweep or cannot be read, not used"
+    TRUTH_REORDERED = "truth clouds whose rows have another order, matched by position"
+    TRUTH_ROWS_UNFIT = "points whose position is not in their truth, without truth"
+    TRUTH_ROWS_COMPARED = "points of the sweeps with such points"
     FRAMES_DIFFER = (
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
         "sensor_yaw_deg to where the sensor is mounted"
@@ -114,7 +123,7 @@ def recorded_sweeps(
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
         return replace(sweep, source=source)
 
-    return _decoded(reader, topic, findings, sweep_of)
+    return _in_stamp_order(_decoded(reader, topic, findings, sweep_of))
 
 
 def recorded_poses(
@@ -126,7 +135,7 @@ def recorded_poses(
         stamp_ns = decode_stamp(message.header.stamp)
         return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
 
-    return _decoded(reader, topic, findings, pose_of)
+    return _in_stamp_order(_decoded(reader, topic, findings, pose_of))
 
 
 def _decoded(
@@ -135,6 +144,8 @@ def _decoded(
     """Decoded messages with their times of reception, None for damage."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
+            if item.is_memory:
+                raise item.error()  # the file is intact, and a larger limit reads it
             findings.report(item)
             yield None
             continue
@@ -149,9 +160,31 @@ def _decoded(
         yield decoded
 
 
+def _in_stamp_order(items: Iterator[Item | None]) -> Iterator[Item | None]:
+    """Items in the order of their stamps within a window; a gap or a larger step back ends it."""
+    window: list[Item] = []
+    last_ns = -math.inf
+    for item in items:
+        if item is None or item.stamp_ns < last_ns:
+            yield from window
+            window.clear()
+            last_ns = -math.inf
+        if item is None:
+            yield None
+            continue
+        insort(window, item, key=attrgetter("stamp_ns"))
+        if len(window) > _ORDER_WINDOW:
+            oldest = window.pop(0)
+            last_ns = oldest.stamp_ns
+            yield oldest
+    yield from window
+
+
 # Above the rounding of stamps as floating point numbers, below the interval of any lidar.
 _SAME_STAMP_NS: Final = 500_000
 _SAME_POINT_M: Final = 1e-3
+# A lossy codec changes less, the truth of another sweep differs nearly everywhere.
+_MAX_UNFIT: Final = 0.1
 # All truth of a recording may be unfit in the same way.
 _MAX_TOLD: Final = 3
 
@@ -168,20 +201,35 @@ class TruthCloud:
     stamp_ns: int
     message: Any
 
-    def of(self, sweep: Sweep) -> FlowTruth:
-        """Returns the truth of the points of its sweep.
+    def of(self, sweep: Sweep, findings: Findings) -> FlowTruth:
+        """Returns the truth of the points of its sweep; points that are not in it are not valid.
 
         Raises:
             RecordingError: It is damaged, or does not fit the sweep.
         """
-        cloud: CloudRows = sweep.source
-        truth = FlowTruth.decode(self.message)
-        if len(truth) != cloud.num_points:
+        truth, positions = FlowTruth.decode(self.message), _positions(self.message)
+        rows, cloud = sweep.source.rows, sweep.source
+        if len(truth) == cloud.num_points:
+            own = truth.of_points(rows)
+            if positions is None:
+                return own
+            unfit = own.valid & ~_is_near(positions[rows], sweep)
+            if np.count_nonzero(unfit) <= _MAX_UNFIT * np.count_nonzero(own.valid):
+                return _without(own, unfit, findings)
+        elif positions is None:
             raise RecordingError(
-                f"truth has {len(truth)} rows, its sweep has {cloud.num_points} points"
+                f"truth has {len(truth)} rows and no x, y, z, its sweep has {cloud.num_points} "
+                "points; expected one row for each"
             )
-        _check_points(self.message, truth, sweep)
-        return truth.of_points(cloud.rows)
+        rows = _nearest_rows(positions, sweep)
+        unfit = ~_is_near(positions[rows], sweep)
+        if np.count_nonzero(unfit) > _MAX_UNFIT * len(sweep):
+            raise RecordingError(
+                f"{np.count_nonzero(unfit):,} of {len(sweep):,} points have another position than "
+                "in their truth, in any order of its rows"
+            )
+        findings.count(Event.TRUTH_REORDERED)
+        return _without(truth.of_points(rows), unfit, findings)
 
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
@@ -190,7 +238,7 @@ def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[
     def cloud_of(message: Any, _: int) -> TruthCloud:  # noqa: ANN401 - a PointCloud2
         return TruthCloud(decode_stamp(message.header.stamp), message)
 
-    return filter(None, _decoded(reader, topic, findings, cloud_of))
+    return filter(None, _in_stamp_order(_decoded(reader, topic, findings, cloud_of)))
 
 
 class TruthTrack:
@@ -216,7 +264,7 @@ class TruthTrack:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
         try:
-            return cloud.of(sweep), passed_over
+            return cloud.of(sweep, self._findings), passed_over
         except RecordingError as error:
             if self._findings.counts[Event.TRUTH_UNFIT] < _MAX_TOLD:
                 where = f"truth at stamp {cloud.stamp_ns}"
@@ -225,18 +273,39 @@ class TruthTrack:
             return None, passed_over
 
 
-def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa: ANN401
-    """Raises RecordingError if a valid row of truth has another position than in its sweep."""
-    points = decode_points(message).ravel()[sweep.source.rows]
+def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a PointCloud2
+    """The positions (N, 3) in the rows of a truth cloud, if it has them."""
+    points = decode_points(message).ravel()
     if not set("xyz") <= set(points.dtype.names or ()):
-        return
+        return None
     # Flipped bits make numbers of any kind.
     with np.errstate(all="ignore"):
-        xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
-        near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
-    elsewhere = np.flatnonzero(truth.valid[sweep.source.rows] & ~near.all(axis=1))
-    if len(elsewhere):
-        raise RecordingError(
-            f"{len(elsewhere):,} of {len(sweep):,} points of the truth have another position than "
-            f"in their sweep, the first in row {sweep.source.rows[elsewhere[0]]}"
-        )
+        return np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+def _is_near(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.bool_]:
+    """Whether each of (N, 3) positions is that of the point of a sweep in the same row."""
+    with np.errstate(all="ignore"):
+        near = np.isclose(positions, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
+    return np.asarray(near.all(axis=1))
+
+
+def _nearest_rows(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.int64]:
+    """The row of the nearest of (M, 3) positions for each point of a sweep."""
+    finite = np.flatnonzero(np.isfinite(positions).all(axis=1))
+    # A tree of equal points takes the square of their number.
+    distinct, first = np.unique(positions[finite], axis=0, return_index=True)
+    if not len(distinct):
+        raise RecordingError("no row of the truth has a finite position")
+    with np.errstate(all="ignore"):
+        _, nearest = cKDTree(distinct).query(sweep.xyz)
+    return finite[first[nearest]]
+
+
+def _without(truth: FlowTruth, unfit: NDArray[np.bool_], findings: Findings) -> FlowTruth:
+    """Truth whose unfit rows (N,) are not valid; they are counted."""
+    if not unfit.any():
+        return truth
+    findings.count(Event.TRUTH_ROWS_UNFIT, int(np.count_nonzero(unfit)))
+    findings.count(Event.TRUTH_ROWS_COMPARED, len(truth))
+    return replace(truth, valid=truth.valid & ~unfit)

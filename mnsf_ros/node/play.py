@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, begins_with_header
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CDR, CLOUD_TYPE
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Subscribers need a while to find the publishers.
@@ -79,6 +79,9 @@ def _publishers(
     publishers: dict[str, Publish] = {}
     for topic in dict.fromkeys(chosen) or reader.topics:
         summary = reader.topics[topic]
+        if summary.encoding != CDR:
+            on_left_out(f"{topic} is left out: its messages are {summary.encoding}, expected CDR")
+            continue
         try:
             publisher = ros.publisher(topic, summary.msgtype, is_latched=summary.is_latched)
         except MessageTypeError as error:

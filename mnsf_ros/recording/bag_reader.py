@@ -3,8 +3,6 @@
 
 import copy
 import math
-import shutil
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,17 +19,21 @@ from mnsf_ros.recording.bag_files import (
     ROS1,
     read_metadata,
     recording_files,
+    stored_files,
 )
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, jazzy, known_topic
+from mnsf_ros.recording.bag_topics import (
+    CDR,
+    TopicSummary,
+    add_topic,
+    jazzy,
+    known_topic,
+    listing,
+)
+from mnsf_ros.recording.expansion import expand_file, expanded
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File
 from mnsf_ros.recording.sqlite_file import SqliteFile
 from mnsf_ros.recording.storage_file import Converted, Damage, Readable, StorageFile
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 _MAX_WARNINGS: Final = 5
 # How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
@@ -80,8 +82,10 @@ class BagReader:
                 add_topic(topics, name, summary)
             self.topics = dict(sorted(topics.items()))
             counts = {topic: summary.count for topic, summary in self.topics.items()}
-            if not any(counts.values()):
-                causes = map(str, (f"{self.path}: holds no messages", *damages[:1]))
+            if not any(one.count for one in topics.values() if one.encoding == CDR):
+                causes = [f"{self.path}: holds no messages", *map(str, damages[:1])]
+                if any(counts.values()):
+                    causes.append(f"expected CDR of ROS 2, {listing(self.topics)}")
                 raise RecordingError("; ".join(causes))
             promised = Counter(counts) if promised is None else promised
             for topic in sorted({*promised, *counts}):
@@ -193,14 +197,20 @@ def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[Ba
 
 
 def _listed(path: Path) -> tuple[list[Path], Counter[str] | None, list[Damage]]:
-    """Files, promised counts of messages, if any, and the damage of an unreadable metadata.yaml."""
-    damages = []
-    if (path / METADATA_NAME).is_file():
-        try:
-            return *read_metadata(path), []
-        except UNREADABLE as error:
-            damages = [Damage.of(path / METADATA_NAME, "", error, "cannot be read")]
-    return recording_files(path), None, damages
+    """Files, promised counts of messages, if any, and the damage of metadata.yaml."""
+    metadata = path / METADATA_NAME
+    if not metadata.is_file():
+        return recording_files(path), None, []
+    try:
+        files, promised = read_metadata(path)
+    except UNREADABLE as error:
+        return recording_files(path), None, [Damage.of(metadata, "", error, "cannot be read")]
+    others = [file.name for file in stored_files(path) if file not in files]
+    if others and not any(map(Path.is_file, files)):
+        text = "names none of the files that are there; all of these are read"
+        return recording_files(path), promised, [Damage(str(metadata), "", text)]
+    text = "does not name this file, which is not read; name it, or remove metadata.yaml"
+    return files, promised, [Damage(str(metadata), name, text) for name in others]
 
 
 def _opened(paths: list[Path], stack: ExitStack) -> tuple[list[StorageFile], list[Damage]]:
@@ -221,8 +231,7 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
         raise OSError(f"{path.name!r} is not a regular file")
     if path.suffix == COMPRESSED:
         plain = Path(stack.enter_context(TemporaryDirectory()), path.stem)
-        with zstd.open(path, "rb") as content, plain.open("wb") as file:
-            shutil.copyfileobj(content, file)
+        expand_file(path, plain)
         path = plain
     if path.suffix == MCAP:
         return McapFile(path)
@@ -231,4 +240,4 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
 
 def _expanded(raw: bytes) -> bytes:
     """Returns a ROS 2 message, decompressed if it was compressed by itself."""
-    return zstd.decompress(raw) if raw.startswith(_ZSTD_MAGIC) else raw
+    return expanded(raw, "zstd") if raw.startswith(_ZSTD_MAGIC) else raw

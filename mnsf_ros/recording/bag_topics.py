@@ -3,7 +3,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,9 @@ TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
+
+# Serialization of ROS 2; Foxglove and others store more kinds in mcap.
+CDR: Final = "cdr"
 
 LIDAR_FRAME: Final = "lidar"
 ODOMETRY_FRAME: Final = "odom"
@@ -48,13 +51,26 @@ class TopicSummary:
     msgtype: str  # for example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags
     count: int  # messages that are stored
     is_latched: bool = False  # late subscribers got the last message, too
+    encoding: str = CDR
+
+    def __str__(self) -> str:
+        """Returns the type, and the encoding of messages that cannot be read."""
+        parts = (self.msgtype, "" if self.encoding == CDR else self.encoding)
+        return ", ".join(filter(None, parts))
+
+    def has_messages(self, msgtype: str) -> bool:
+        """Whether there are messages of a type that can be read."""
+        return self.msgtype == msgtype and self.count > 0 and self.encoding == CDR
 
 
 def add_topic(topics: dict[str, TopicSummary], name: str, found: TopicSummary) -> None:
     """Adds the messages of one file, or of a part of it, to the summary of a topic."""
-    known = topics.get(name, TopicSummary(found.msgtype, 0))
-    is_latched = known.is_latched or found.is_latched
-    topics[name] = TopicSummary(known.msgtype, known.count + found.count, is_latched)
+    known = topics.get(name, replace(found, count=0))
+    if known.encoding == found.encoding:
+        is_latched = known.is_latched or found.is_latched
+        topics[name] = replace(known, count=known.count + found.count, is_latched=is_latched)
+    elif found.encoding == CDR:
+        topics[name] = found
 
 
 @dataclass(frozen=True)
@@ -79,8 +95,7 @@ def used_topics(
     """
 
     def usual(topic: str, msgtype: str) -> str | None:
-        summary = topics.get(topic, TopicSummary("", 0))
-        return topic if summary.msgtype == msgtype and summary.count > 0 else None
+        return topic if topic in topics and topics[topic].has_messages(msgtype) else None
 
     truth = usual(TRUTH_FLOW_TOPIC, CLOUD_TYPE)
     if odometry is None:
@@ -113,9 +128,9 @@ def find_topic(
         if summary.count == 0:
             raise RecordingError(f"{path}: topic {name!r} holds no messages")
         return name
-    found = [topic for topic, s in topics.items() if s.msgtype == msgtype and s.count > 0]
+    found = [topic for topic, summary in topics.items() if summary.has_messages(msgtype)]
     if not found:
-        raise RecordingError(f"{path}: no topic of type {msgtype}; {_listing(topics)}")
+        raise RecordingError(f"{path}: no topic of type {msgtype}; {listing(topics)}")
     if len(found) > 1:
         names = ", ".join(found)
         raise RecordingError(f"{path}: {len(found)} topics of type {msgtype}: name one of {names}")
@@ -126,13 +141,19 @@ def known_topic(path: Path, topics: Mapping[str, TopicSummary], name: str) -> To
     """Returns the summary of a topic.
 
     Raises:
-        RecordingError: There is no such topic; the text lists those that exist.
+        RecordingError: There is no such topic, with a list of those that exist, or its messages
+            cannot be read.
     """
     if name not in topics:
-        raise RecordingError(f"{path}: no topic {name!r}; {_listing(topics)}")
+        raise RecordingError(f"{path}: no topic {name!r}; {listing(topics)}")
+    if (encoding := topics[name].encoding) != CDR:
+        raise RecordingError(
+            f"{path}: the messages of topic {name!r} are {encoding}, expected CDR of ROS 2; "
+            "convert the recording"
+        )
     return topics[name]
 
 
-def _listing(topics: Mapping[str, TopicSummary]) -> str:
-    listed = ", ".join(f"{name} ({summary.msgtype})" for name, summary in topics.items())
-    return f"it has {listed}"
+def listing(topics: Mapping[str, TopicSummary]) -> str:
+    """Returns the end of a message: each topic with its type, and its encoding if not CDR."""
+    return f"it has {', '.join(f'{name} ({summary})' for name, summary in topics.items())}"

@@ -8,6 +8,7 @@ next one; without an index, reading ends at the first damaged length.
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from io import SEEK_END
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
@@ -19,14 +20,13 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
 from mnsf_ros.errors import UNREADABLE
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
+from mnsf_ros.recording.bag_topics import CDR, TopicSummary, add_topic, has_latched_profile
+from mnsf_ros.recording.expansion import MAX_BYTES, expanded
 from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 # Opcode and length, two offsets and a checksum, and the mark of the end.
 _FOOTER_BYTES: Final = 9 + 20 + len(_MAGIC)
-# The largest lidars send 10 MB a sweep; what is larger is damaged.
-_MAX_BYTES: Final = 2**29
 
 
 class _Place(NamedTuple):
@@ -53,18 +53,20 @@ class McapFile(StorageFile):
             if counts is None:
                 counts = self._read_all(file)
         for number, channel in self._channels.items():
-            if channel.message_encoding == "cdr":
-                schema = self._schemas.get(channel.schema_id)
-                is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
-                summary = TopicSummary(schema.name if schema else "", counts[number], is_latched)
-                add_topic(self.topics, channel.topic, summary)
+            schema = self._schemas.get(channel.schema_id)
+            is_latched = has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
+            msgtype, encoding = schema.name if schema else "", channel.message_encoding
+            if schema and schema.encoding == "omgidl":
+                encoding += " of omgidl"  # types of other DDS programs
+            summary = TopicSummary(msgtype, counts[number], is_latched, encoding)
+            add_topic(self.topics, channel.topic, summary)
 
     def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
         """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
         channels = {
             number
             for number, one in self._channels.items()
-            if one.topic == topic and one.message_encoding == "cdr"
+            if one.topic == topic and one.message_encoding == CDR
         }
         with self.path.open("rb") as file:
             for place in self._places:
@@ -149,10 +151,13 @@ class McapFile(StorageFile):
 
     def _records_in(self, chunk: Chunk) -> list[Any]:
         """The records of a chunk; it must have a checksum if the chunks of its file have one."""
-        if chunk.uncompressed_size > _MAX_BYTES:
+        if chunk.uncompressed_size > MAX_BYTES:
             raise EOFError(f"it claims to expand to {chunk.uncompressed_size} bytes")
         if self.has_checksums and chunk.uncompressed_crc == 0:
             raise EOFError("its checksum is missing")
+        if chunk.compression in ("zstd", "lz4"):
+            data = expanded(chunk.data, chunk.compression, chunk.uncompressed_size)
+            chunk = replace(chunk, compression="", data=data)
         return breakup_chunk(chunk, validate_crc=True)
 
 
@@ -174,7 +179,7 @@ def _record_at(file: BinaryIO, offset: int) -> Any:  # noqa: ANN401
 def _records(file: BinaryIO, offset: int) -> Iterator[Any]:
     """The records from a place on, chunks as a whole."""
     file.seek(offset)
-    reader = StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=_MAX_BYTES)
+    reader = StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=MAX_BYTES)
     return iter(reader.records)
 
 
@@ -194,5 +199,5 @@ def _summary(file: BinaryIO) -> tuple[Summary | None, bool]:
         if zlib.crc32(file.read(max(num_bytes, 0))) != footer.summary_crc:
             raise EOFError("its checksum is wrong")
     file.seek(0)
-    summary = SeekingReader(file, record_size_limit=_MAX_BYTES).get_summary()
+    summary = SeekingReader(file, record_size_limit=MAX_BYTES).get_summary()
     return summary, footer.summary_crc != 0

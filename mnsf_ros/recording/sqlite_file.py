@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 import apsw
 
-from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
+from mnsf_ros.recording.bag_topics import CDR, TopicSummary, add_topic, has_latched_profile
 from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
 
 # Steps of SQLite between two chances for Ctrl-C.
@@ -31,12 +31,15 @@ class SqliteFile(StorageFile):
             counts = dict(database.execute(query))
             for number, name, msgtype, encoding, profiles in _topics(database):
                 count = counts.pop(number, 0)
-                if encoding == "cdr":
+                if encoding == CDR:
                     self._numbers.setdefault(name, []).append(number)
-                    summary = TopicSummary(msgtype, count, has_latched_profile(profiles))
-                    add_topic(self.topics, name, summary)
+                is_latched = has_latched_profile(profiles)
+                add_topic(self.topics, name, TopicSummary(msgtype, count, is_latched, encoding))
         if counts:
             text = f"messages that belong to no topic: {sum(counts.values())}"
+            self.damages.append(Damage(str(path), "", text))
+        if _has_content(path, "-journal"):
+            text = "holds incomplete changes (-journal); opening it once with sqlite3 undoes them"
             self.damages.append(Damage(str(path), "", text))
 
     def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
@@ -54,10 +57,15 @@ class SqliteFile(StorageFile):
 
 @contextmanager
 def _opened(path: Path) -> Iterator[apsw.Connection]:
-    # Immutable: SQLite makes no file beside it.
-    uri = f"file:{quote(str(path.resolve()), errors='surrogateescape')}?immutable=1"
+    # SQLite makes no file beside it. In an immutable file it would ignore a write-ahead log, which
+    # a recorder that was killed leaves.
+    options = "vfs=unix-none" if _has_content(path.resolve(), "-wal") else "immutable=1"
+    uri = f"file:{quote(str(path.resolve()), errors='surrogateescape')}?{options}"
     database = apsw.Connection(uri, flags=apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI)
     try:
+        # The index of the log is then in memory, and the log is not written back.
+        database.pragma("locking_mode", "exclusive")
+        database.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
         # A view may compute for ever, and rosbag2 has none.
         database.config(apsw.SQLITE_DBCONFIG_ENABLE_VIEW, 0)
         database.set_progress_handler(lambda: False, _STEPS)
@@ -66,6 +74,12 @@ def _opened(path: Path) -> Iterator[apsw.Connection]:
         raise MemoryError from error
     finally:
         database.close()
+
+
+def _has_content(path: Path, suffix: str) -> bool:
+    """Whether there is such a file, not empty, beside a database."""
+    beside = path.with_name(path.name + suffix)
+    return beside.is_file() and beside.stat().st_size > 0
 
 
 def _topics(database: apsw.Connection) -> Iterator[tuple[int, str, str, str, str]]:

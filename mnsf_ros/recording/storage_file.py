@@ -65,7 +65,7 @@ class StorageFile(ABC):
 
     Attributes:
         path: The file.
-        topics: Topic to its summary, CDR messages only.
+        topics: Topic to its summary; only messages in CDR can be read.
         first_ns: Receive time of the first message; infinite if there is none.
         last_ns: Receive time of the last message; 0 if there is none.
         has_checksums: Whether flipped bits in the file are noticed.

@@ -163,7 +163,7 @@ def test_a_submission_has_the_points_of_the_masks(street, tmp_path, truth, capsy
     masks = {f"{street.name}/{stamp}": mask for stamp, mask in near.items()}
     masks["another_log/5"] = np.ones(4, bool)
     target = tmp_path / "online.zip"
-    command = ["export", "argoverse2", str(street), "--out", str(target), "--mask"]
+    command = ["export", "argoverse2-2023", str(street), "--out", str(target), "--mask"]
     assert run([*command, str(write_masks(tmp_path / "masks.zip", masks))]) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "lacks 1 sweeps of 1 logs of the challenge, for example of another_log" in said
@@ -198,10 +198,50 @@ def test_masks_that_do_not_fit_are_refused(street, tmp_path, truth, masks, words
         stamp = str(next(iter(truth)))
         write_masks(path, {name.replace("STAMP", stamp): mask for name, mask in masks.items()})
     target = tmp_path / "out.zip"
-    command = ["export", "argoverse2", str(street), "--out", str(target), "--method", "zero"]
+    command = ["export", "argoverse2-2023", str(street), "--out", str(target), "--method", "zero"]
     assert run([*command, "--mask", str(path)]) == EXIT_USAGE
     assert words in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [path]
+
+
+# As the file of group names of Argoverse 2 has them; ZOD's are in 100 ns.
+@pytest.mark.parametrize("unit_ns", [1, 100])
+def test_a_submission_of_v3_has_residual_flow_of_all_points(street, tmp_path, truth, unit_ns):
+    stamps, target, index = [*truth][:2], tmp_path / "online.zip", tmp_path / "index_eval.pkl"
+    index.write_bytes(pickle.dumps([[street.name, str(stamp // unit_ns)] for stamp in stamps]))
+    command = ["export", "argoverse2-v3", str(street), "--out", str(target), "--index", str(index)]
+    assert run([*command, "--method", "ego"]) == 0
+    with zipfile.ZipFile(target) as archive:
+        names = [f"{street.name}/{stamp // unit_ns}.feather" for stamp in stamps]
+        assert archive.namelist() == names
+        for name, stamp in zip(names, stamps, strict=True):
+            table = feather.read_table(BytesIO(archive.read(name)))
+            assert table.column_names == ["flow_tx_m", "flow_ty_m", "flow_tz_m"]
+            columns = [column.to_numpy() for column in table.columns]
+            assert {column.dtype.name for column in columns} == {"float16"}
+            assert len(table) == len(truth[stamp])
+            # Points of an estimate of the ego motion are static.
+            assert np.abs(columns).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (pickle.dumps(np.float32(1)), "cannot be read: it names numpy"),
+        (pickle.dumps([("a", "5", 7)]), "cannot be read: too many values to unpack"),
+        (pickle.dumps([("../a", "5")]), "cannot be read: found '../a' and '5', expected scene"),
+        (pickle.dumps([("a", "now")]), "cannot be read: found 'a' and 'now', expected scene"),
+        (pickle.dumps([]), "holds no sweep, expected pairs of scene and stamp"),
+        (b"", "cannot be read: Ran out of input"),
+    ],
+)
+def test_an_index_that_is_none_is_refused(street, tmp_path, content, words, capsys):
+    index = tmp_path / "index.pkl"
+    index.write_bytes(content)
+    command = ["export", "argoverse2-v3", str(street), "--out", str(tmp_path / "a.zip")]
+    assert run([*command, "--index", str(index)]) == EXIT_USAGE
+    assert words in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [index]
 
 
 def test_recordings_of_one_name_are_refused(street, tmp_path, capsys):
@@ -217,8 +257,9 @@ def test_recordings_of_one_name_are_refused(street, tmp_path, capsys):
     ("arguments", "words"),
     [
         (["opensceneflow", "--key", "lidar"], "key 'lidar': is no name of an estimate"),
-        (["opensceneflow", "--mask", "a.zip"], "--mask: is for the format argoverse2"),
-        (["argoverse2"], "argoverse2: expected --mask ZIP"),
+        (["opensceneflow", "--mask", "a.zip"], "--mask and --index: are for the formats argo"),
+        (["argoverse2-2023", "--index", "a.pkl"], "argoverse2-2023: expected --mask"),
+        (["argoverse2-v3", "--index", "a", "--labels"], "argoverse2-v3: expected --index, not"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(street, tmp_path, arguments, words, capsys):

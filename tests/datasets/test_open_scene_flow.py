@@ -3,17 +3,18 @@ import numpy as np
 import pytest
 import tiny_world
 
+from mnsf_ros.datasets.conversion import open_source
 from mnsf_ros.errors import DatasetError
 
 h5py = pytest.importorskip("h5py")
 
 
-def write_sequence(path, *, microseconds=False):
+def write_sequence(path, *, unit_ns=1):
     with h5py.File(path, "w") as file:
         # Not in the order of time.
         for index in (2, 0, 1):
             stamp = tiny_world.stamp_ns(index)
-            group = file.create_group(str(stamp // 1000 if microseconds else stamp))
+            group = file.create_group(str(stamp // unit_ns))
             write_group(group, index)
     return path
 
@@ -38,14 +39,53 @@ def convert(source, out):
     return tiny_world.convert("opensceneflow", source, out)
 
 
-@pytest.mark.parametrize("microseconds", [False, True])
-def test_a_sequence_becomes_a_recording_with_truth(tmp_path, microseconds):
-    path = write_sequence(tmp_path / "log.h5", microseconds=microseconds)
+# Argoverse 2; ZOD; nuScenes, Waymo and TruckScenes.
+@pytest.mark.parametrize("unit_ns", [1, 100, 1000])
+def test_a_sequence_becomes_a_recording_with_truth(tmp_path, unit_ns):
+    path = write_sequence(tmp_path / "log.h5", unit_ns=unit_ns)
+    assert open_source("opensceneflow", path).note == ""
     found = tiny_world.check_recording(convert(path, tmp_path / "out"), "lidar")
     for truth in found.truth:
         assert np.array_equal(truth.ground, np.arange(len(truth)) % 3 == 0)
     assert set(found.columns[0]["intensity"]) == {5}
     assert set(found.columns[0]["time_offset"]) == {np.float32(0.01)}
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "unit_ns"),
+    [(0, 100_000_000, 1), (0, 1_000_000, 100), (0, 50_000, 1000), (1_666 * 10**13, 500_000, 100)],
+)
+def test_unit_of_stamps_is_told_by_digits_and_intervals(tmp_path, first, step, unit_ns):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for index in range(3):
+            group = file.create_group(str(first + index * step))
+            group["lidar"] = tiny_world.sweep(0).xyz.astype(np.float32)
+    sweeps = open_source("opensceneflow", tmp_path / "log.h5").sweeps
+    stamps = [(first + index * step) * unit_ns for index in range(3)]
+    assert [sweep.stamp_ns for sweep in sweeps] == stamps
+
+
+def test_points_may_be_in_the_frame_of_the_lidar_and_poses_in_that_of_the_vehicle(tmp_path):
+    """As the extractor of Argoverse 2 writes them (OpenSceneFlow 848bf86)."""
+    path, mount = write_sequence(tmp_path / "log.h5"), np.array([1.35, -0.2, 1.64])
+    with h5py.File(path, "a") as file:
+        for group in file.values():
+            group["lidar"][:, :3] -= mount
+    assert "their origin is at 1.35, -0.2 m" in open_source("opensceneflow", path).note
+    found = tiny_world.read(convert(path, tmp_path / "out"))
+    for index, (pose, truth) in enumerate(zip(found.poses.values(), found.truth, strict=True)):
+        expected = tiny_world.world_from_sweep(index)
+        expected[:2, 3] += expected[:2, :2] @ mount[:2]
+        np.testing.assert_allclose(pose, expected, atol=2e-4)
+        static = tiny_world.sweep(index).part == tiny_world.STATIC
+        assert not (truth.dynamic & static).any()
+
+
+def test_poses_that_contradict_the_flow_are_told(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    with h5py.File(path, "a") as file:
+        file[f"{tiny_world.stamp_ns(1)}/pose"][2, 3] += 0.3
+    assert "contradicts 'pose' by up to 0.30 m and" in open_source("opensceneflow", path).note
 
 
 def remove(path, *names):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import small_evaluations as small
-from bag_messages import cloud_message
+from bag_messages import cloud_cdr, cloud_message
 
 from mnsf_ros.evaluation.tracks import (
     Event,
@@ -20,6 +20,7 @@ from mnsf_ros.evaluation.tracks import (
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from msg_utils.point_cloud2 import encode_columns
@@ -110,12 +111,54 @@ def with_first_x(data):
     return message
 
 
-def turned():
-    encoded = small.truth(0).encode(small.xyz(0)[::-1])
+def other_order(num_points=60):
+    """Truth of more points, the last first."""
+    encoded = small.truth(0, num_points)
+    encoded = encoded.of_points(np.arange(num_points)[::-1])
+    points = small.xyz(0, num_points)[::-1]
+    return cloud_message(encoded.encode(points), small.stamp(0), "lidar", is_dense=False)
+
+
+def without_positions(num_points):
+    truth = small.truth(0, num_points)
+    columns = {f"flow_{axis}": truth.flow[:, index] for index, axis in enumerate("xyz")}
+    columns |= {
+        name: getattr(truth, name).astype(np.uint8)
+        for name in ("valid", "dynamic", "ground", "class_id")
+    }
+    encoded = encode_columns(columns, 1, num_points)
     return cloud_message(encoded, small.stamp(0), "lidar", is_dense=False)
 
 
-_ELSEWHERE = "{} of 60 points of the truth have another position than in their sweep".format
+@pytest.mark.parametrize("rows", [[3], [3, 8, 11, 40, 41, 59]])
+@pytest.mark.parametrize("order", [1, -1])
+def test_points_that_a_codec_moved_have_no_truth(rows, order):
+    points, truth = small.xyz(0), small.truth(0)
+    points[rows] += np.float32(0.01)
+    encoded = truth.of_points(np.arange(60)[::order]).encode(points[::order])
+    message = cloud_message(encoded, small.stamp(0), "lidar", is_dense=False)
+    findings = Findings()
+    found, _ = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive").take(
+        small.sweep(0)
+    )
+    assert np.flatnonzero(~found.valid).tolist() == rows
+    np.testing.assert_array_equal(found.flow[found.valid], truth.flow[found.valid])
+    reordered = {Event.TRUTH_REORDERED: 1} if order < 0 else {}
+    assert findings.counts == reordered | {
+        Event.TRUTH_ROWS_UNFIT: len(rows),
+        Event.TRUTH_ROWS_COMPARED: 60,
+    }
+    assert not findings.damages
+
+
+@pytest.mark.parametrize("num_points", [60, 75])
+def test_truth_in_another_order_is_found_by_position(num_points):
+    truth, _ = matched(other_order(num_points))
+    np.testing.assert_array_equal(truth.flow, small.truth(0).flow)
+    assert truth.valid.all()
+
+
+_ELSEWHERE = "{} of 60 points have another position than in their truth, in any order".format
 
 
 @pytest.mark.parametrize(
@@ -123,11 +166,14 @@ _ELSEWHERE = "{} of 60 points of the truth have another position than in their s
     [
         (moved(0.0005), ""),
         (moved(0.01), _ELSEWHERE(60)),
-        (turned(), _ELSEWHERE(60)),
+        (moved(0.01, slice(7)), _ELSEWHERE(7)),
+        (moved(np.nan), "no row of the truth has a finite position"),
         # Flipped bits: a signaling NaN, and the largest number there is.
-        (with_first_x(b"\x01\x00\x80\x7f"), _ELSEWHERE(1)),
-        (with_first_x(b"\xff\xff\x7f\x7f"), _ELSEWHERE(1)),
-        (cloud(0, 61), "61 rows, its sweep has 60 points"),
+        (with_first_x(b"\x01\x00\x80\x7f"), ""),
+        (with_first_x(b"\xff\xff\x7f\x7f"), ""),
+        (cloud(0, 53), _ELSEWHERE(7)),
+        (without_positions(60), ""),
+        (without_positions(61), "61 rows and no x, y, z, its sweep has 60 points"),
         *(
             (with_several_values(name), f"field {name} has more than one value a point")
             for name in ("x", "flow_x", "valid")
@@ -138,18 +184,6 @@ def test_truth_that_does_not_fit_its_sweep_is_reported_and_not_used(message, tex
     truth, damage = matched(message)
     assert (truth is None) == bool(text)
     assert text in damage
-
-
-def test_truth_need_not_say_where_its_points_are():
-    truth = small.truth(0)
-    columns = {f"flow_{axis}": truth.flow[:, index] for index, axis in enumerate("xyz")}
-    columns |= {
-        name: getattr(truth, name).astype(np.uint8)
-        for name in ("valid", "dynamic", "ground", "class_id")
-    }
-    encoded = encode_columns(columns, 1, 60)
-    truth, _ = matched(cloud_message(encoded, small.stamp(0), "lidar", is_dense=False))
-    assert truth is not None
 
 
 def test_damage_of_odometry_says_which_message(tmp_path):
@@ -169,6 +203,28 @@ def test_damage_of_odometry_says_which_message(tmp_path):
     assert [item is None for item in found] == [False, True, False, True]
     positions = [damage.position for damage in findings.damages]
     assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]
+
+
+@pytest.mark.parametrize(
+    ("order", "given"),
+    [
+        ([0, 2, 1, 3, 7, 4, 5, 6, 8, 9], list(range(10))),
+        ([4, 3, 2, 1, 0, 5], list(range(6))),
+        # Later than the window, and a recording that begins anew.
+        ([0, 2, 3, 4, 5, 6, 7, 1, 8], [0, 2, 3, 4, 5, 6, 7, 1, 8]),
+        ([10, 11, 12, 13, 14, 15, 3, 4, 6, 5], [10, 11, 12, 13, 14, 15, 3, 4, 5, 6]),
+        ([0, 900, 2, 1, 3, 4, 5], [0, 1, 2, 3, 4, 5, 900]),
+    ],
+)
+def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given):
+    with BagWriter(tmp_path / "drive") as writer:
+        for received, index in enumerate(order):
+            encoded = encode_columns(dict(zip("xyz", small.xyz(0).T, strict=True)), 1, 60)
+            raw = cloud_cdr(encoded, small.stamp(index))
+            writer.write_raw("/points", CLOUD_TYPE, small.stamp(received), raw)
+    with BagReader(tmp_path / "drive") as reader:
+        sweeps = recorded_sweeps(reader, "/points", "drive", Settings().time, Findings())
+        assert [sweep.stamp_ns for sweep in sweeps] == [small.stamp(index) for index in given]
 
 
 def test_sweeps_have_the_times_of_their_points(tmp_path):

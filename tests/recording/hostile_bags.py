@@ -10,6 +10,7 @@ from functools import cache
 from itertools import pairwise
 
 import tiny_bags
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode
@@ -28,10 +29,10 @@ def u32(number):
     return number.to_bytes(4, "little")
 
 
-def mcap_of_chunks(file, size, num_chunks):
+def mcap_of_chunks(file, size, num_chunks, compression=CompressionType.ZSTD):
     """An mcap file of compressed chunks, each with a message of so many zeros."""
     with file.open("wb") as stream:
-        writer = McapWriter(stream, chunk_size=size)
+        writer = McapWriter(stream, chunk_size=size, compression=compression)
         writer.start("ros2")
         schema = writer.register_schema(CLOUD_TYPE, "ros2msg", b"")
         channel = writer.register_channel("/points", "cdr", schema)
@@ -131,6 +132,9 @@ def endless_tree(path):
 
 HOSTILE = {
     "mcap, large chunks": lambda p: mcap_of_chunks(p / "a.mcap", 200 * MEBIBYTE, 10),
+    "mcap, large lz4 chunks": lambda p: mcap_of_chunks(
+        p / "a.mcap", 200 * MEBIBYTE, 10, CompressionType.LZ4
+    ),
     "mcap, messages of 3 GB": lambda p: with_messages(
         tiny_bags.write_mcap, p / "a", zstd_frame(3 * 2**30)
     ),

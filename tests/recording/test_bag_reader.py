@@ -1,5 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+import contextlib
 import shutil
+import sqlite3
 
 import numpy as np
 import pytest
@@ -229,7 +231,9 @@ def test_mcap_of_another_recorder(tmp_path):
         writer.add_message(channel, 1, bytes(tiny_bags.cdr(0)), 1)
         writer.finish()
     with BagReader(tmp_path / "log.mcap") as reader:
-        assert list(reader.topics) == ["/points"]
+        assert reader.topics["/notes"] == TopicSummary("", 1, encoding="json")
+        with pytest.raises(RecordingError, match="topic '/notes' are json, expected"):
+            reader.raw_messages("/notes")
         assert len(list(reader.messages("/points"))) == 1
 
 
@@ -240,9 +244,40 @@ def test_clouds_keep_the_order_of_the_file_where_the_clock_of_the_recorder_jumpe
         assert [tiny_bags.index_of(item) for item in reader.readable_messages("/points")] == order
 
 
-def test_files_that_do_not_belong_to_the_recording_are_left_alone(tmp_path):
-    bag = tiny_bags.write_mcap(tmp_path / "bag")
-    shutil.copy(bag / "bag.mcap", bag / "bag_copy.mcap")
-    with BagReader(bag) as reader:
-        assert reader.topics["/points"].count == tiny_bags.NUM_CLOUDS
-        assert reader.damages == ()
+@pytest.mark.parametrize(
+    ("message_encoding", "name", "encoding", "told"),
+    [
+        ("protobuf", "foxglove.PointCloud", "protobuf", "/points (foxglove.PointCloud, protobuf)"),
+        ("json", CLOUD_TYPE, "jsonschema", f"/points ({CLOUD_TYPE}, json)"),
+        ("ros1", "sensor_msgs/PointCloud2", "ros1msg", "(sensor_msgs/PointCloud2, ros1)"),
+        ("cdr", "foxglove::PointCloud", "omgidl", "(foxglove::PointCloud, cdr of omgidl)"),
+    ],
+)
+def test_topics_of_other_encodings_are_listed(tmp_path, message_encoding, name, encoding, told):
+    with (tmp_path / "log.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("", "some other recorder")
+        schema = writer.register_schema(name, encoding, b"")
+        channel = writer.register_channel("/points", message_encoding, schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(RecordingError) as caught, BagReader(tmp_path / "log.mcap"):
+        pass
+    assert "log.mcap: holds no messages; expected CDR of ROS 2, it has " in str(caught.value)
+    assert told in str(caught.value)
+
+
+def test_write_ahead_log_of_a_killed_recorder_is_read_and_stays(tmp_path):
+    """As it leaves its files; findings/rosbags-write-ahead-log.sh has a reader that ignores it."""
+    bag, left = tiny_bags.write_sqlite(tmp_path / "bag"), tmp_path / "left"
+    with contextlib.closing(sqlite3.connect(bag / "bag.db3", isolation_level=None)) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        database.execute("UPDATE messages SET timestamp = timestamp + 1")
+        shutil.copytree(bag, left)
+    (left / "bag.db3-shm").unlink()
+    before = {file.name: file.read_bytes() for file in left.iterdir()}
+    assert before["bag.db3-wal"]
+    with open_recording(left, pytest.fail) as reader:
+        times = [received_ns for received_ns, _ in reader.raw_messages("/points")]
+    assert times == [tiny_bags.stamp(index) + 5_000_001 for index in range(tiny_bags.NUM_CLOUDS)]
+    assert {file.name: file.read_bytes() for file in left.iterdir()} == before

@@ -198,6 +198,20 @@ def test_no_damage_of_a_chunk_costs_another_one(tmp_path, place, number):
     assert found == [index for index in ALL if index != number]
 
 
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_chunk_that_expands_to_more_than_it_claims_is_left_out(tmp_path, compression):
+    """By the library of mcap the size that the compressed data claims is taken."""
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", compression)
+    data, chunk = bytearray(file.read_bytes()), chunk_offsets(file)[3]
+    # Behind its kind, length, and two times.
+    data[chunk + 25 : chunk + 33] = (500).to_bytes(8, "little")
+    file.write_bytes(data)
+    found, reader = read(file)
+    assert found == [0, 1, 2, LOST, 4, 5, 6, 7, 8, 9]
+    with reader, pytest.raises(RecordingError, match="it expands to more than 500 bytes"):
+        list(reader.messages("/points"))
+
+
 def test_checksum_that_was_erased_is_missed(tmp_path):
     file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", CompressionType.NONE)
     data = bytearray(file.read_bytes())
@@ -335,7 +349,26 @@ def test_a_number_in_base_60_in_metadata_takes_no_time(metadata):
 def test_metadata_leads_to_no_file_outside_of_its_folder(metadata, name):
     tiny_bags.write_mcap(metadata.parents[1] / "other")
     metadata.write_text(metadata.read_text().replace("- bag.mcap", f"- {name}"))
+    found, reader = read(metadata.parent)
+    assert found == ALL
+    (damage,) = reader.damages
+    assert str(damage).startswith(f"{metadata}: names none of the files that are there")
+    (metadata.parent / "bag.mcap").unlink()
     assert_refused(metadata.parent, "cannot be read: ")
+
+
+def test_files_that_metadata_does_not_name_are_told(metadata):
+    shutil.copy(metadata.parent / "bag.mcap", metadata.parent / "bag_1.mcap")
+    found, reader = read(metadata.parent)
+    assert found == ALL
+    (damage,) = reader.damages
+    assert str(damage).startswith(f"{metadata}, bag_1.mcap: does not name this file, which is not")
+
+
+def test_changes_of_sqlite_that_were_not_completed_are_told(tmp_path):
+    bag = tiny_bags.write_sqlite(tmp_path / "bag")
+    (bag / "bag.db3-journal").write_bytes(b"journal")
+    assert "holds incomplete changes (-journal)" in str(read(bag)[1].damages[0])
 
 
 def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
