@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The two metrics of the Argoverse 2 scene flow challenge.
+"""The metrics of the Argoverse 2 scene flow challenges.
 
 * Three-way EPE (2023): the mean of the EPE of foreground dynamic, foreground static and background
   static points, as in the package av2: foreground is everything labelled as an object.
@@ -8,8 +8,10 @@
   one gives its EPE over its mean motion; the mean over these is the dynamic error, 1 for ego
   motion alone. Only points less than 35 m away along x and along y count, without signs, cones and
   animals, as in the package bucketed_scene_flow_eval.
+* Range-wise EPE, as in OpenSceneFlow 848bf86: static points, and dynamic ones from 1.4 m/s on, by
+  their distance from the sensor.
 
-Both are means over all points of all examples, so an example gives sums, which are added.
+All are means over all points of all examples, so an example gives sums, which are added.
 """
 
 import math
@@ -25,6 +27,12 @@ from mnsf_ros.recording.flow_truth import SurfaceClass
 Sums = dict[str, list[float]]
 
 THREE_WAY: Final = ("foreground dynamic", "foreground static", "background static")
+
+_RANGES: Final = {"0-35": 35.0, "35-50": 50.0, "50-75": 75.0, "75-100": 100.0, "100-inf": math.inf}
+_KINDS: Final = ("static", "dynamic")
+RANGE_WISE: Final = tuple(f"{kind} {name}" for kind in _KINDS for name in (*_RANGES, "mean"))
+# A pedestrian walks 1.4 m/s.
+_MOVING_M: Final = 0.14
 
 _REACH_M: Final = 35.0
 _EDGES_M: Final = np.append(np.linspace(0.0, 2.0, 51), np.inf)
@@ -80,13 +88,31 @@ def bucket_sums(
     return sums
 
 
+def range_sums(
+    errors_m: NDArray[np.float64], motion_m: NDArray[np.float64], range_m: NDArray[np.float64]
+) -> Sums:
+    """Adds up errors of static and dynamic points by range.
+
+    `errors_m` and `motion_m` are those of `bucket_sums`, `range_m` is (N,) metres. Groups without
+    points are missing.
+    """
+    places = np.searchsorted(list(_RANGES.values()), range_m, side="right")
+    groups = 2 * places + (motion_m >= _MOVING_M)
+    names = [f"{kind} {name}" for name in _RANGES for kind in _KINDS]
+    return {
+        names[group]: _sums(errors_m[groups == group], motion_m[groups == group])
+        for group in np.unique(groups).tolist()
+    }
+
+
 def over_all_points(parts: Iterable[Mapping[str, list[float]]]) -> dict[str, float]:
-    """Returns both metrics over the points of several examples; empty without any.
+    """Returns all metrics over the points of several examples; empty without any.
 
     Returns:
         `three_way.GROUP` to EPE in metres, and `three_way.mean`, NaN without points of all groups;
         `bucketed.CLASS.dynamic` (normalized) and `bucketed.CLASS.static` (m), and those of the
-        class `mean`, the mean over the classes that have a value.
+        class `mean`, the mean over the classes that have a value;
+        `range_wise.NAME` (m) for those of `RANGE_WISE` that have one.
     """
     # Here, because tasks score examples without tables.
     import pandas as pd
@@ -102,6 +128,11 @@ def over_all_points(parts: Iterable[Mapping[str, list[float]]]) -> dict[str, flo
     groups = epe_m.reindex(THREE_WAY)
     found: dict[str, float] = groups.add_prefix("three_way.").to_dict()
     found["three_way.mean"] = groups.mean(skipna=False)
+    for kind in _KINDS:
+        ranges = epe_m.reindex([f"{kind} {name}" for name in _RANGES]).dropna()
+        if len(ranges):
+            ranges[f"{kind} mean"] = ranges.mean()
+        found |= ranges.add_prefix("range_wise.").to_dict()
     buckets = [name for name in sums.index if "/" in name]
     classes = pd.DataFrame(
         {

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, three_way_sums
+from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, range_sums, three_way_sums
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import (
     RANGE_LIMITS_M,
@@ -239,6 +239,7 @@ def _with_errors(
         sums={
             **three_way_sums(errors_m, dynamic, class_id),
             **bucket_sums(errors_m * share, own_m * share, xy, class_id),
+            **range_sums(errors_m * share, own_m * share, np.linalg.norm(xyz, axis=1)),
         },
     )
 

