@@ -140,7 +140,7 @@ class VotingGrid:
     def cells_of(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(P,) the columns of points (P, 3), and the bits of their levels.
 
-        Points above or below are assigned to the last level.
+        Points above or below all levels count in the highest or lowest one.
         """
         cells = np.floor((points - self._low) / np.float32(self.cell_m)).astype(np.int64)
         return self.steps(cells[:, :2]), 1 << np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
