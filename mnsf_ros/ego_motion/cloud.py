@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A sweep made ready for registration: fewer points, and which of them stand on the ground."""
+"""A sweep prepared for registration: thinned points, those near the ground last."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,8 +13,8 @@ from mnsf_ros.geometry.point_sets import thinned
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points within this height of the lowest one of a column are mostly ground, which is smooth: on it
-# cells are larger by this factor.
+# Points within `_LOW_M` of the lowest one of a column are mostly ground. Ground is smooth, so the
+# thinning cells there are larger by the factor `_LOW_CELLS`.
 _COLUMN_M: Final = np.float32(1.0)
 _LOW_M: Final = np.float32(0.3)
 _LOW_CELLS: Final = 1.7
@@ -26,7 +26,7 @@ class Cloud:
 
     Attributes:
         points: (N, 3) float32, metres, frame of the sensor.
-        num_standing: How many of them, the first ones, are not near the ground.
+        num_standing: Number of points not near the ground; they come first.
     """
 
     points: NDArray[np.float32]
@@ -36,7 +36,7 @@ class Cloud:
     def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> "Cloud":
         """Returns the cloud of a sweep.
 
-        With a motion, points are moved to where they are in one moment.
+        With a motion, points are corrected for it, as if measured in one moment.
         """
         stride = max(1, -(-len(sweep) // settings.max_points))
         points = sweep.xyz
@@ -60,7 +60,7 @@ class Cloud:
 def _standing_first(
     xyz: NDArray[np.float32], stride: int, max_range_m: np.float32
 ) -> tuple[NDArray[np.float32], int]:
-    """Every n-th point if in range, those near the ground last, and how many are not near it."""
+    """Every n-th point in range, those near the ground last, and the number of the others."""
     width = int(2 * max_range_m / _COLUMN_M) + 2
     lowest = np.full(width * width, np.float32(np.inf))
     rows, columns = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.int64)

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Covariances of the sensor's pose and of its motion from sweep to sweep.
 
-They are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about x, y
+The layout is as in nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about x, y
 and z in radians.
 """
 
@@ -20,13 +20,13 @@ class StepNoise:
     """Standard deviations of the motion from one sweep to the next, of each axis."""
 
     shift_m: float
-    shift_share: float  # more metres for each metre of the way
+    shift_share: float  # additional metres per metre travelled
     turn_rad: float
-    turn_share: float  # more radians for each radian of the turn
+    turn_share: float  # additional radians per radian turned
 
 
 def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
-    """Returns the covariance of a step last_from_sensor (4, 4), in the axes before it."""
+    """Returns the covariance of a step last_from_sensor (4, 4), in the axes of `last`."""
     way_m = float(np.linalg.norm(motion[:3, 3]))
     angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
     shift_m = noise.shift_m + noise.shift_share * way_m
@@ -40,9 +40,9 @@ def chained_covariance(
     motion: NDArray[np.float64],
     step: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Returns the covariance of a pose (axes of the world) after a motion of the covariance `step`.
+    """Returns the covariance of a pose, world axes, after a random motion with covariance `step`.
 
-    An error of the heading becomes one of the position with the way: it grows without end.
+    A heading error causes a position error that grows with distance travelled, without limit.
     """
     turn = world_from_last[:3, :3]
     x, y, z = turn @ motion[:3, 3]

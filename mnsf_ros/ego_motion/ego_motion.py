@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sensor poses of sweeps: by odometry where there is some, else by registration."""
+"""Sensor poses of sweeps: from odometry if available, else by registration."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -21,19 +21,19 @@ from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Stretch, Sweep
 
-# So many times the last interval: farther ahead an extrapolation is no guess any more.
+# Longest extrapolation, in last intervals: beyond it, constant velocity is no useful guess.
 _MAX_INTERVALS: Final = 3.0
-# Odometry that jumps farther than any robot drives, as after a reset, is no motion.
+# A longer jump of the odometry, as after a reset, is not taken as a motion.
 _MAX_SPEED_M_S: Final = 100.0
 _MAX_STEP_M: Final = 1.0  # without stamps, too
-# Vehicles speed up and brake by so much (standard deviation). Up and down, robots with legs sway
-# in another way in each sweep.
+# Acceleration of vehicles (standard deviation). Vertically, robots with legs sway differently in
+# each sweep.
 _ACCELERATION_M_S2: Final = 2.0
 _HEAVE_M: Final = 1.0
 _LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
-# A sweep is matched so often at most, each time with the motion that was found last.
+# Maximum number of matches of a sweep, each with the motion found last.
 _MAX_ROUNDS: Final = 3
-# Poses that are remembered: more than methods look back.
+# Number of poses kept: more than any method looks back.
 _MAX_POSES: Final = 12
 
 
@@ -42,13 +42,13 @@ class EgoSource(Enum):
 
     START = "start"  # the first sweep: the origin of the world
     ODOMETRY = "odometry"
-    TF = "tf"  # odometry, too, by the transforms between frames
+    TF = "tf"  # odometry, too, from the transforms between frames
     REGISTRATION = "registration"
-    CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
+    CONSTANT_VELOCITY = "constant velocity"  # neither is available: the last motion continues
 
 
-# Registration: besides the covariance by the map; within a sweep vehicles sway on their springs.
-# Odometry: a usual one; its own covariance is not read. Without either nobody knows.
+# Registration: in addition to the covariance by the map; within a sweep vehicles sway on their
+# springs. Odometry: typical values; its own covariance is not read. Without both: rough guesses.
 _NOISE: Final = {
     EgoSource.START: StepNoise(0.001, 0.0, 0.0001, 0.0),
     EgoSource.REGISTRATION: StepNoise(0.002, 0.0, 0.001, 0.0),
@@ -65,11 +65,11 @@ class SensorPose:
     Attributes:
         world_from_sensor: (4, 4) float64, at the moment of `motion`. The world is the sensor frame
             of the first sweep.
-        source: What it was taken from.
-        motion: How the sensor moved meanwhile; None if the sweep counts as taken in one moment, at
-            its stamp.
+        source: Source of the pose.
+        motion: The sensor's motion during the sweep; None if the sweep counts as taken in one
+            moment, at its stamp.
         covariance: Of the pose, in the axes of the world.
-        step_covariance: Of the motion since the sweep before, in the axes of that.
+        step_covariance: Of the motion since the previous sweep, in the axes of that sweep.
     """
 
     world_from_sensor: NDArray[np.float64]
@@ -86,26 +86,26 @@ class SensorPose:
         return self.world_from_sensor @ self.motion.moment_from_stamp
 
     def in_one_moment(self, sweep: Sweep) -> NDArray[np.float32]:
-        """Returns where the points (N, 3) of this pose's sweep are at the moment of `motion`."""
+        """Returns the points (N, 3) of this pose's sweep, corrected to the moment of `motion`."""
         if self.motion is None or sweep.times_s is None:
             return sweep.xyz
         return self.motion.moved(sweep.xyz, sweep.times_s)
 
 
 class EgoMotion:
-    """Chains the sensor's motion from sweep to sweep, so that a change of source is no jump.
+    """Chains the ego motion from sweep to sweep, so that a change of source causes no jump.
 
     All sweeps are of one stretch, see `SensorPoses`.
     """
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
-        # With odometry nobody needs a map; the last sweep is in it, if there is one.
+        # None with odometry, which needs no map. The map includes the last sweep.
         self._map: SweepMatcher | None = None
         self._last: Sweep | None = None
         self._last_pose = _origin()
         self._last_motion: NDArray[np.float64] | None = None
-        # Of that motion by all sweeps until then, in the axes of the world.
+        # Of that motion, from all sweeps so far, in world axes.
         self._last_covariance: NDArray[np.float64] = np.zeros((6, 6))
         self._last_interval_ns = 0
         # The same for all sweeps of a world, so that intervals are those of the stamps.
@@ -113,7 +113,7 @@ class EgoMotion:
         self._bending: SweepMotion | None = None
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
-        """The pose of a sweep that is newer than all before it. The first one is the origin."""
+        """The pose of a sweep newer than all before. The first sweep is the origin."""
         last, self._last = self._last, sweep
         self._last_pose = self._start(sweep) if last is None else self._next_pose(last, sweep)
         return self._last_pose
@@ -125,7 +125,7 @@ class EgoMotion:
     def _bent_by(
         self, sweep: Sweep, step: NDArray[np.float64], interval_ns: int
     ) -> SweepMotion | None:
-        """How a sweep is bent by a motion within an interval."""
+        """The motion during a sweep, given the motion `step` in an interval; None if not used."""
         if not self._settings.deskew or sweep.times_s is None or interval_ns <= 0:
             return None
         if self._moment_s is None:
@@ -148,7 +148,7 @@ class EgoMotion:
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
-        # Since a place that nobody knows no motion is known either.
+        # From an unknown pose, the motion to the next one is unknown, too.
         was_guessed = self._last_pose.source is EgoSource.CONSTANT_VELOCITY
         if source is not EgoSource.CONSTANT_VELOCITY and not (
             was_guessed and self._last_motion is None
@@ -169,7 +169,7 @@ class EgoMotion:
         return self._settings.source != EgoSource.REGISTRATION.value
 
     def _odometry(self, last: Sweep, sweep: Sweep) -> NDArray[np.float64] | None:
-        """(4, 4) last_from_sweep, where odometry is wanted, known and possible."""
+        """(4, 4) last_from_sweep; None if odometry is not used, missing or impossible."""
         if not self._is_odometry_wanted or last.odometry is None or sweep.odometry is None:
             return None
         motion: NDArray[np.float64] = np.linalg.inv(last.odometry) @ sweep.odometry
@@ -184,9 +184,9 @@ class EgoMotion:
         sweep: Sweep,
         expected: Placed | None,
     ) -> tuple[NDArray[np.float64], EgoSource, NDArray[np.float64]]:
-        """(4, 4) last_from_sweep, where it is from, and its covariance (6, 6) by the map."""
+        """(4, 4) last_from_sweep, its source, and its covariance (6, 6) by the map."""
         if self._map is None:
-            # Odometry was lost just now: the map starts with the last sweep, where it was.
+            # Odometry was lost just now: the map starts with the last sweep at its pose.
             self._map = self._map_of(last, world_from_last, self.motion_in(last))
         found = self._matched(self._map, last, world_from_last, sweep, expected)
         source = EgoSource.REGISTRATION
@@ -194,8 +194,8 @@ class EgoMotion:
             source = EgoSource.CONSTANT_VELOCITY
             pose = world_from_last if expected is None else expected.pose
             found = Placed(pose, np.zeros((6, 6)))
-            # What the map shows is not what the sensor sees: it starts anew with this sweep, if
-            # that shows anything at all.
+            # The sweep does not match the map: a new map starts with this sweep, unless it has too
+            # few points.
             new_map = self._map_of(sweep, found.pose, self.motion_in(sweep))
             self._map = self._map if new_map.is_empty else new_map
         motion: NDArray[np.float64] = np.linalg.inv(world_from_last) @ found.pose
@@ -211,8 +211,8 @@ class EgoMotion:
     ) -> Placed | None:
         """The pose of a sweep by the map, near an expected one; None if nothing fits.
 
-        Where the times of points are known, a motion that was not expected bends the sweep in
-        another way: it is matched again with that.
+        With times of points, an unexpected motion changes the correction for the motion during the
+        sweep: the sweep is matched again with it.
         """
         interval_ns = sweep.stamp_ns - last.stamp_ns
         bending = self.motion_in(sweep)
@@ -227,7 +227,7 @@ class EgoMotion:
             if refined is None or (bending is not None and refined.is_like(bending)):
                 break
             if bending is None:
-                # The last sweep is in the map as it came, for nothing was known of its motion.
+                # The map has the last sweep uncorrected, because its motion was unknown.
                 map_ = self._map_of(last, world_from_last, refined)
             expected, bending = expected or Placed(found.pose, np.eye(6)), refined
         if refined is not None:
@@ -237,7 +237,7 @@ class EgoMotion:
         return found
 
     def _expected(self, world_from_last: NDArray[np.float64], elapsed_ns: int) -> Placed | None:
-        """The pose if the sensor goes on with its velocity; None if that or the time is unknown."""
+        """The pose at constant velocity; None if the velocity or the time is unknown."""
         if self._last_motion is None or elapsed_ns < 0:
             return None
         last_ns = self._last_interval_ns
@@ -269,9 +269,9 @@ class SensorPoses:
         self._poses: dict[Sweep, SensorPose] = {}
 
     def of(self, sweeps: Iterable[Sweep], stretch: Stretch) -> dict[Sweep, SensorPose]:
-        """The poses of sweeps, oldest first, in the one world of their stretch.
+        """The poses of sweeps, oldest first, in one common frame, the world of their stretch.
 
-        Each is newer than those asked for before in this stretch, or one of them.
+        Each sweep is newer than all earlier ones of this stretch, or one of them.
         """
         if stretch is not self._stretch:
             self._stretch, self._ego_motion = stretch, EgoMotion(self._settings)
@@ -290,7 +290,7 @@ class SensorPoses:
 
 
 def _fused(known: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The covariance (6, 6) of a motion by the map and by the motions before, which hold shifts."""
+    """The covariance (6, 6) of a motion: by the map, for shifts also by the motions before."""
     fused = known.copy()
     both = np.linalg.inv(known[:3, :3]) + np.linalg.inv(expected[:3, :3])
     fused[:3, :3] = np.linalg.inv(both)
@@ -298,6 +298,6 @@ def _fused(known: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
 
 
 def _origin() -> SensorPose:
-    """The pose of the first sweep, which makes the world: certain, but not to the last digit."""
+    """The pose of the first sweep, the origin of the world, with a tiny covariance."""
     covariance = step_covariance(np.eye(4), _NOISE[EgoSource.START])
     return SensorPose(np.eye(4), EgoSource.START, covariance)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A map of the surfaces that sweeps have shown, and how well points lie on them."""
+"""A map of the surfaces in the last sweeps, and the residuals of points to them."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.surfaces import add_moments, compare, fit_surfaces
 
-# Cells that no sweep has shown for long are dropped each time so many sweeps were added.
+# Cells not seen for long are dropped each time this many sweeps were added.
 _SWEEPS_TO_CLEAR: Final = 10
 _MIN_ROOM: Final = 2**12
 # The first sensor is in the middle of a cell: simulated walls stand at round numbers of metres, and
 # at a border half of their points would be in one cell and half in the next.
 _FIRST_BORDER: Final = 0.5
-# Where cells would not fit into integers there is no map.
+# Farther away, cell numbers would not fit into integers: there is no map.
 _MAX_WAY_M: Final = 1e9
 # Numbers of cells have 21 bits an axis in the keys; farther ones share them.
 _MASK: Final = 2**21 - 1
@@ -32,9 +32,9 @@ class Comparison:
     Attributes:
         support: Points on the surface of their cell; one that is off by the noise counts half.
         num_known: Points in cells that are not empty.
-        gradient: (6,) of -noise^2 / 2 times the support, by a shift of the points along the axes of
-            the world in metres, then by a turn about the sensor in radians.
-        curvature: (6, 6) its derivative, if the weights of the points stay as they are.
+        gradient: (6,) of -noise^2 / 2 times the support, with respect to a shift of the points
+            along the world axes in metres, then to a turn about the sensor in radians.
+        curvature: (6, 6) its derivative with fixed weights of the points.
     """
 
     support: float
@@ -44,7 +44,7 @@ class Comparison:
 
     @property
     def upright(self) -> float:
-        """The weights of all points on upright surfaces, which hold the position."""
+        """Total weight of the points on upright surfaces, which constrain the position."""
         return float(self.curvature[0, 0] + self.curvature[1, 1])
 
 
@@ -56,7 +56,7 @@ class SurfaceMap:
 
         Args:
             cell_m: Size of the cells.
-            num_sweeps: Cells are dropped when they were not seen for so many sweeps.
+            num_sweeps: Cells are dropped when not seen for this many sweeps.
         """
         self._cell_m = cell_m
         self._num_sweeps = num_sweeps
@@ -95,7 +95,7 @@ class SurfaceMap:
         Args:
             points: The points.
             pose: (4, 4) of the sensor.
-            noise_m: A point so far from the surface of its cell counts half.
+            noise_m: A point at this distance from the surface of its cell counts half.
         """
         equations, found = np.zeros((6, 7)), (0.0, 0)
         moved = self._moved(points, pose)
@@ -147,7 +147,7 @@ class SurfaceMap:
             column[: len(kept)] = from_column[kept]
 
     def _make_room(self, room: int) -> None:
-        """Makes an empty table of cells; its keys are half as dense, so that each is found soon."""
+        """Makes an empty table of cells, with twice as many keys as cells for fast search."""
         self._num = 0
         self._keys: NDArray[np.int64] = np.full(2 * room, -1, np.int64)
         self._places: NDArray[np.int32] = np.empty(2 * room, np.int32)

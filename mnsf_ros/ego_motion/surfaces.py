@@ -2,8 +2,8 @@
 """Surfaces of points in cells: fitted to their moments, and compared with other points.
 
 A surface has a center and a (3, 3) matrix of weights: 1 across a smooth plane, 0 along it. An
-upright pole or edge counts in two directions, what is not flat in none, and points of a single
-laser not in the direction of its elevation.
+upright pole or edge counts in two directions, and a cell without a flat surface in none. Points of
+a single laser do not count in the direction of its elevation.
 """
 
 from typing import Final
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Fewer points say nothing of a surface. It is fitted anew when a fifth of its points are new.
+# A surface needs this many points. It is fitted again when a fifth of its points are new.
 _MIN_POINTS: Final = 4
 _MIN_NEW: Final = 0.2
-# More points of a cell do not count for more: what has changed since is seen sooner.
+# The weight of a cell's points is limited, so that changes take effect sooner.
 _MAX_POINTS: Final = 100.0
-# A surface this rough (standard deviation) counts half.
+# A surface with this roughness (standard deviation) counts half.
 _ROUGHNESS_M: Final = 0.03
 # Turns of Jacobi's method, three a round: three rounds give all digits of float32.
 _NUM_TURNS: Final = 9
@@ -60,7 +60,7 @@ def add_moments(
 
 @compiled("void(float64[:, ::1], float64[:, ::1])")
 def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
-    """Turns a symmetric (3, 3) matrix diagonal; the columns of `axes` are its own (Jacobi)."""
+    """Diagonalizes a symmetric (3, 3) matrix; columns of `axes`: its eigenvectors (Jacobi)."""
     for row in range(3):
         for column in range(3):
             axes[row, column] = 1.0 if row == column else 0.0
@@ -129,7 +129,7 @@ def _weigh(
     rough = _ROUGHNESS_M**2
     least, most = 0, 0
     for axis in range(3):
-        # What fills the cell says nothing of where along this axis the surface is.
+        # If points fill the cell along this axis, they do not locate the surface on it.
         share = rough / (max(spread[axis, axis], 0.0) + rough)
         part = 0.0
         for row in range(3):
@@ -158,7 +158,7 @@ def fit_surfaces(
     sensor: NDArray[np.float64],
     surfaces: NDArray[np.float64],
 ) -> None:
-    """Fits the surfaces (C, 4, 3) of cells that have points enough and many new ones among them.
+    """Fits the surfaces (C, 4, 3) of cells with enough points and enough new ones.
 
     The rows of `sensor` are its place and its z axis. The other arguments are those of
     `add_moments`.
@@ -190,7 +190,7 @@ def fit_surfaces(
 
 @compiled("UniTuple(float64, 3)(UniTuple(float64, 3), float64, float64, float64)")
 def _cross(arm: tuple[float, float, float], x: float, y: float, z: float) -> tuple[float, ...]:
-    """The product of an arm and a vector, which is at right angles to both."""
+    """The cross product of an arm and a vector."""
     across, along, up = arm
     return along * z - up * y, up * x - across * z, across * y - along * x
 
@@ -245,15 +245,15 @@ def compare(
         points: (N, 3) metres.
         cells: (N,) their cells, -1 for none.
         surfaces: (C, 4, 3) the center of each surface, and its weights.
-        sensor: Metres, what a turn is about.
-        noise_m: A point so far from its surface counts half.
+        sensor: Metres, the center of turns.
+        noise_m: A point at this distance from its surface counts half.
         equations: (6, 7) zeros; becomes the curvature by a shift, then a turn, if the weights of
             points stay as they are, and in the last column the gradient of -noise^2 / 2 times the
             support.
 
     Returns:
-        The support: each point on its surface counts 1, each farther off less. And how many points
-        are in cells.
+        The support: a point on its surface counts 1, a point off it less. And the number of points
+        in cells.
     """
     support, known, variance = 0.0, 0, noise_m * noise_m
     for row in range(len(points)):

@@ -18,25 +18,25 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# A point this far from its surface counts half. So narrow, vehicles that move along do not pull: of
-# .04 to .15, errors in 336 random worlds are smallest with .05, and .04 loses one of them.
+# A point this far from its surface counts half. At this width, traffic has little effect: of .04 to
+# .15, .05 gives the smallest errors in 336 random worlds, and with .04 registration fails in one.
 _NOISE_M: Final = 0.05
-# What nobody expected, as of stamps that are off, is looked for with this instead.
+# Used instead to find unexpected motions, for example with wrong stamps.
 _WIDE_M: Final = 0.1
 _MAX_STEPS: Final = 10
-# Steps smaller than this share of the noise, at 30 m range, are the last.
+# Iteration ends at steps below this share of the noise, at 30 m range.
 _LAST_STEP: Final = 0.06
 _FAR_M: Final = 30.0
-# Less certain positions count as unknown (standard deviation).
+# Positions with a larger standard deviation count as unknown.
 _MAX_DEVIATION_M: Final = 0.3
-# Points have independent errors of the noise, and a common one of this, by which traffic, or the
-# pattern of the rays, pulls all of them: with .0002, errors in tunnels are larger than expected.
+# Besides independent errors, all points share a bias of this size, from traffic or the pattern of
+# the rays. With .0002, errors in tunnels are larger than their covariance.
 _COMMON_M: Final = 0.0003
-# Of a direction that nothing is known of.
+# Of an unconstrained direction.
 _LEAST_CURVATURE: Final = 1e-6
-# At the beginning nothing is known: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns on the
-# spot makes 10 degrees of it. Angles in degrees and shifts in metres are tried with some points;
-# the most promising ones are settled with all.
+# Search range without an expected motion: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns
+# on the spot makes 10 degrees. Angles in degrees and shifts in metres are tried with some points;
+# the best ones are refined with all.
 _SEARCHED: Final = (
     (np.zeros(1), np.linspace(-5.0, 5.0, 25)),
     (np.linspace(-12.0, 12.0, 13), np.linspace(-1.0, 1.0, 5)),
@@ -51,7 +51,7 @@ _MIN_POINTS: Final = 50
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A pose of the sensor, and how well it is known.
+    """A pose of the sensor and its covariance.
 
     Attributes:
         pose: (4, 4) world_from_sensor.
@@ -81,9 +81,9 @@ class SweepMatcher:
         return self._map.is_empty
 
     def prepared(self, sweep: Sweep, motion: SweepMotion | None) -> Cloud | None:
-        """Returns a sweep made ready; None if there are too few points near the sensor.
+        """Returns a prepared sweep; None if there are too few points near the sensor.
 
-        With a motion, points are moved to where they are in one moment.
+        With a motion, points are corrected for it, as if measured in one moment.
         """
         cloud = Cloud.of(sweep, motion, self._settings)
         return None if len(cloud) < _MIN_POINTS else cloud
@@ -95,11 +95,11 @@ class SweepMatcher:
             self._last_pose = world_from_sensor
 
     def match(self, cloud: Cloud | None, expected: Placed | None) -> Placed | None:
-        """Returns where a sweep was taken.
+        """Returns the pose of a sweep.
 
-        The search starts from the expected pose, which is None if nothing is known of the motion.
-        Where the map hardly holds the position, the expected one does. Returns None if the map does
-        not know the place, or does not hold the position at all.
+        The search starts from the expected pose, which is None if the motion is unknown. The
+        expected pose decides in directions that the map hardly constrains. Returns None if the map
+        does not know the place, or does not constrain the position.
         """
         if cloud is None or self.is_empty:
             return None
@@ -154,8 +154,8 @@ class SweepMatcher:
     ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
 
-        With it comes the comparison that its last step was made of, the points nearly there. What
-        nothing holds stays where it starts.
+        Also returns the comparison of the last step, close to that pose. Unconstrained directions
+        stay at the start.
         """
         if expected is None:
             expected = Placed(start, np.eye(6))
@@ -175,26 +175,26 @@ class SweepMatcher:
 
 
 def _distance_m(shift: NDArray[np.float64], turn: NDArray[np.float64]) -> float:
-    """How far points far off move by a shift, metres, and a turn, radians or change of a matrix."""
+    """How far distant points move by a shift, metres, and a turn, radians or matrix change."""
     return float(np.abs(shift).max() + _FAR_M * np.abs(turn).max())
 
 
 def _posterior(pose: NDArray[np.float64], there: Comparison, expected: Placed) -> float:
-    """What speaks for a place, less what the expected position has against it."""
+    """Score of a pose: support minus squared Mahalanobis distance to the expected position."""
     off = pose[:3, 3] - expected.pose[:3, 3]
     return float(there.support - off @ expected.information @ off)
 
 
 def _likelihood(there: Comparison) -> float:
-    """How much speaks for a place that nobody expects: upright surfaces, and how well all fit.
+    """Score of a pose without expectation: upright surfaces, and how well all points fit.
 
-    By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one.
+    On the ground alone, or on a lorry alongside, wrong motions fit nearly as well as the true one.
     """
     return float(there.upright * np.sqrt(there.support / max(there.num_known, 1)))
 
 
 def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
-    """The pose with its covariance; None if the map does not know the place or hold the pose."""
+    """The pose and its covariance; None if the place is unknown or the pose unconstrained."""
     covariance = _covariance(there)
     is_held = np.trace(covariance[:2, :2]) < _MAX_DEVIATION_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
@@ -202,7 +202,7 @@ def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed
 
 
 def _covariance(there: Comparison) -> NDArray[np.float64]:
-    """(6, 6) of a pose: each point errs by itself, and all of them a little in the same way."""
+    """(6, 6) of a pose: from independent errors of the points and a bias common to all."""
     curvature = there.curvature + _least(there.curvature)
     inverse = np.stack([solved(curvature, axis) for axis in np.eye(6)])
     arm_m2 = np.trace(curvature[3:, 3:]) / np.trace(curvature[:3, :3])
@@ -211,7 +211,7 @@ def _covariance(there: Comparison) -> NDArray[np.float64]:
 
 
 def _least(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(6, 6) keeps directions that nothing is known of where they are."""
+    """(6, 6) small curvature that keeps unconstrained directions in place."""
     return np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
 
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How the sensor moved while it took a sweep, and points as if they were measured in one moment."""
+"""The sensor's motion during a sweep, and the correction of points to one moment."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-# How much of what is new in a motion is believed, along x, y and z, and about them. A vehicle
-# pitches, rolls and heaves on its springs within a few sweeps: what it did during the last interval
-# says little of the next one.
+# Gains for a new motion, along x, y and z, and about them. A vehicle pitches, rolls and heaves on
+# its springs within a few sweeps: in these axes the last interval predicts little of the next one.
 _GAINS: Final = np.array([0.5, 0.5, 0.1, 0.1, 0.1, 0.5])
-# Motions are alike if, in this time, they put points so far away within this distance.
+# Motions are alike if, within `_WITHIN_S`, they move points at `_FAR_M` by less than
+# `_MAX_DIFFERENCE_M` differently.
 _WITHIN_S: Final = 0.1
 _FAR_M: Final = 30.0
 _MAX_DIFFERENCE_M: Final = 0.2
@@ -24,7 +24,7 @@ class SweepMotion:
 
     Attributes:
         velocity: (6,) float64 along x, y and z of the sensor in m/s, then about them in rad/s.
-        moment_s: Seconds from the stamp of the sweep to the moment that its points are moved to.
+        moment_s: Seconds from the stamp of the sweep to the moment that points are corrected to.
     """
 
     velocity: NDArray[np.float64]
@@ -56,12 +56,12 @@ class SweepMotion:
         return bool(shift_m + _FAR_M * turn_rad < _MAX_DIFFERENCE_M)
 
     def towards(self, newer: "SweepMotion") -> "SweepMotion":
-        """Returns the motion on the way to a newer one, so that its noise does not bend sweeps."""
+        """Returns a weighted mean with a newer motion, so that noise does not distort sweeps."""
         change = _GAINS * (newer.velocity - self.velocity)
         return SweepMotion(self.velocity + change, newer.moment_s)
 
     def moved(self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns where static points are at the moment.
+        """Returns static points as seen at the moment.
 
         Args:
             xyz: (N, 3) metres, each in the frame of the sensor when it measured the point.
@@ -79,7 +79,7 @@ class SweepMotion:
     def turned_back(
         self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Returns vectors (N, 3) in axes of the moment in those of the sensor at `times_s` (N,)."""
+        """Returns vectors (N, 3), given in axes of the moment, in sensor axes at `times_s` (N,)."""
         return self._turned(vectors, np.float32(self.moment_s) - times_s)
 
     def _turned(

@@ -12,9 +12,9 @@ from mnsf_ros.objects.motions import JudgedMotions
 from mnsf_ros.objects.object_points import NOISE_M
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
-# Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
-# Dynamic objects: constant, per logarithm of the residual over what motions beside it leave more,
-# per logarithm of one more than the score that they move, and of one metre more than the length.
+# The weight of an object is its number of points to the power of 0.75, so that large ones do not
+# dominate. Dynamic objects: constant, log(residual / its rise for shifted motions), log(1 + score),
+# log(1 + length of the motion in metres).
 _MOVING: Final = (0.39, -0.79, 1.19, -2.56)
 # Suspects without an accepted motion: constant, per metre of residual.
 _DOUBTFUL: Final = (1.91, -6.51)
@@ -30,7 +30,7 @@ def moving_confidence(
     Args:
         moving: Their motions.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
-        held: (K,) metres, how well the motions are held, see `held_m`.
+        held: (K,) metres, rise of the residual for shifted motions, see `held_m`.
     """
     return _logistic(moving_features(moving, scores, held), _MOVING)
 
@@ -39,7 +39,7 @@ def doubtful_confidence(standing: JudgedMotions) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K suspects without an accepted motion.
 
     Args:
-        standing: How well they are explained as static.
+        standing: Their residuals as static objects.
     """
     return _logistic(doubtful_features(standing), _DOUBTFUL)
 

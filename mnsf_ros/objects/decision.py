@@ -17,18 +17,18 @@ from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
-# Logistic regression, one number for each column of `evidence`: as `benchmarks/fit_weights.py`
-# fits them to random worlds and KITTI, then balanced between found and false movers: the last, for
-# parts, so that at the limit half of those that move alone do.
+# Logistic regression, one weight for each column of `evidence`. `benchmarks/fit_weights.py` fits
+# them to random worlds and KITTI. They were then adjusted to balance found and false movers. The
+# last, for parts, is set so that at the limit half of the parts that move alone are found.
 _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
-# Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
+# Objects whose log-odds miss the limit by up to this are only followed.
 _TENTATIVE: Final = 2.0
 
 
 def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     """Weighs the evidence for the motions of the objects that are not rejected yet.
 
-    Rejects those that do not move, and puts together what moves, or may move, as one thing.
+    Rejects objects that do not move, and groups touching objects that move, or may move, alike.
     """
     rows, targets, current = table.open_rows, scene.targets, scene.current
     fitted = table.take(rows)
@@ -47,7 +47,7 @@ def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     )
     held = held_m(followed.points, followed.moving, targets)
     table = table.put(rows[may_move], held=held, groups=groups)
-    # What goes along with a mover is a part of it.
+    # An object in the group of a mover moves, too.
     is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
     stands_beside = np.isin(points.numbers, fitted.wholes[is_moving])
     table = table.rejected(rows[~is_moving], Verdict.REFUSED)
@@ -62,12 +62,13 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
 def free_space(
     objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Returns (K,) how many more points are in free space of another sweep if objects stand.
+    """Returns (K,) the number of points that free space shows to be new or gone.
 
-    These are the points of an object that are there if it stands, less those if it moves, and the
-    points that older sweeps had of it, if it moves, and that are gone: beside a part, none of its
-    whole. A place that was seen through is evidence of motion. One that was hidden, or beside the
-    beams, is none: there a static object leaves a residual, too.
+    New: the points of an object that are in free space of another sweep if it is static, less
+    those if it moves. Gone: points of older sweeps that lie on the moved object and whose places
+    are free by now; for a part, points of the rest of its whole do not count. A place that was
+    seen through is evidence of motion. A place that was hidden, or out of view, is not: a static
+    object leaves a residual there, too.
 
     Args:
         objects: K objects.
@@ -92,17 +93,21 @@ def evidence(
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
-    These are: 1; the logarithm of the number of points in free space; the odds so far; the
-    logarithm of one metre more than a motion that no track expected. And the logarithm of the share
-    of the residual that the motion leaves in the neighbouring sweeps, plus that of the older ones,
-    or of the neighbouring ones once more where there are none: times the logarithm of the
-    thickness, times that of the number of points, and times the metres from the sensor up to its
-    top. And whether it is a part: most move with their wholes. Free space says nothing of those,
-    as that their places were free is why they are parts.
+    The columns are:
+
+    * 1;
+    * log(1 + points new or gone); 0 for parts, because free space defined them;
+    * the log-odds of the track so far;
+    * log(1 + length of the motion in metres), 0 for a motion that a track expected;
+    * three products of S: with log(1 + thickness / noise), with log(number of points), and with
+      the height of the top above the sensor in metres. S sums the logarithms of the shares of the
+      residual that the motion leaves in the neighbouring and in the older sweeps; without older
+      ones, the neighbouring ones count twice;
+    * whether it is a part: most parts move with their wholes.
 
     Args:
         table: K objects whose motions were found.
-        standing: How well they are explained as static.
+        standing: Residuals of the objects as static.
         free: (K,) see `free_space`.
     """
     objects, expected, moving = table.points, table.expected, table.moving
@@ -138,11 +143,12 @@ def moves(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns masks (K,) of the objects that may move and are followed, and of those that move.
 
-    Of a part and its whole the likelier one does: the whole stands, or the part goes along.
+    Only the likelier of a part and its whole may move: the whole is static, or the part moves with
+    it.
 
     Args:
         numbers: (K,) the objects.
-        wholes: (K,) what each of them was cut out of, else itself.
+        wholes: (K,) the object that each was cut out of, else its own number.
         motions: (K, 3) metres, to the next sweep.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.

@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow of objects that turn: a linear head on an encoding of the position.
 
-The encoding of a point of an object is a constant, and its horizontal offset from the middle of
-the object. Gauss-Newton steps fit the head of each object to a target sweep. That fit may turn,
-stretch and shear an object; `turning` keeps its horizontal motion and its turn.
+The encoding of a point consists of 1 and its horizontal offset from the middle of its object.
+Gauss-Newton steps fit the head of each object to a target sweep. The fit may turn, stretch and
+shear an object; `turning` keeps the horizontal motion and the turn only.
 """
 
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import NUM_STEPS, Target, Targets
 
-# Prior weights of the constant and of the offsets, in points: objects move nearly as a whole.
+# Prior weights of the constant and of the offsets, in points: objects are nearly rigid.
 _PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
 # A point this far from the target, plus twice its spacing, has half of its weight.
 _HALF_WEIGHT_M: Final = 0.1
 
-# (K, 3, 3) metres to the next sweep, of K objects: what the constant and each offset of the
-# encoding add to the flow.
+# (K, 3, 3) for K objects: the flow to the next sweep, in metres, per unit of the constant and of
+# each offset of the encoding.
 Heads = NDArray[np.float64]
 
 
 def whole(motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0) -> Heads:
     """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres and turn by (K,) radians.
 
-    The turns are small, about the middle, and to the left.
+    Turns are small angles about the middle, positive to the left.
     """
     heads: Heads = np.zeros((len(motions), 3, 3))
     heads[:, 0] = motions
@@ -39,7 +39,7 @@ def whole(motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float
 
 
 def turns_of(heads: Heads) -> NDArray[np.float64]:
-    """Returns (K,) radians, by how much heads (K, 3, 3) turn."""
+    """Returns (K,) the turn angles of heads (K, 3, 3), radians."""
     return np.asarray((heads[:, 1, 1] - heads[:, 2, 0]) / 2, np.float64)
 
 
@@ -53,7 +53,7 @@ class EncodedPoints:
 
         Args:
             objects: K objects.
-            motions: (K, 3) metres to the next sweep, for the times at which targets measure them.
+            motions: (K, 3) metres to the next sweep; they decide when a target measures an object.
             targets: The sweeps that heads are fitted to.
         """
         self._objects = objects
@@ -62,7 +62,7 @@ class EncodedPoints:
         self._each = np.arange(len(objects.owners))
 
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
-        """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
+        """Returns (K,) metres, the residual of each object on a target, moved by its head."""
         objects = self._objects
         moved = self._flow(self._steps[target][:, :, None] * heads)
         points, each, transform = objects.positions, self._each, target.from_current
@@ -72,7 +72,7 @@ class EncodedPoints:
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
     def fitted(self, target: Target, start: Heads) -> Heads:
-        """Returns heads with which the points come to lie on a target.
+        """Returns heads that move the points onto a target.
 
         They minimize a robust D(p + g(p), S) plus a prior around the start.
 
@@ -118,7 +118,7 @@ def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
 def headed(
     encoding: NDArray[np.float64], owners: NDArray[np.int64], heads: Heads
 ) -> NDArray[np.float32]:
-    """Returns (P, 3) metres, what the heads of their owners (P,) make of encodings (P, 3)."""
+    """Returns (P, 3) metres, the flow of encodings (P, 3) by the heads of their owners (P,)."""
     flow = np.empty((len(encoding), 3), np.float32)
     for row in range(len(encoding)):
         one, ahead, aside = encoding[row]
@@ -145,7 +145,7 @@ def _normal_equations(
         encoding: (P, 3) of the points.
         owners: (P,) their objects.
         weights: (P,) how much each counts.
-        wanted: (P, 3) metres, the flow that they should get.
+        wanted: (P, 3) metres, the target values of the flow.
         number: How many objects there are.
     """
     left, right = np.zeros((number, 3, 3)), np.zeros((number, 3, 3))
@@ -168,15 +168,16 @@ def turning(
 ) -> Heads:
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
-    What goes together moves and turns as one. The heads are fitted to the neighbouring sweeps, as
-    flow fields, and turn as expected where these say nothing; of the means of both a stiff thing
-    leaves the motion on the ground and the turn. The motion stays if that explains no more.
+    Each group moves and turns as one rigid body. One head per group is fitted to each neighbouring
+    sweep, starting from the expected turn, which remains where the points do not constrain it. The
+    mean of these heads is reduced to its horizontal motion and its turn. If this does not lower
+    the residual, the given motion is kept, without a turn.
 
     Args:
         movers: K objects.
-        groups: (K,) from 0 to G - 1, the thing that each is a part of.
-        motions: (G, 3) metres, the motions of these to the next sweep.
-        turns: (G,) radians, by how much they are expected to turn meanwhile.
+        groups: (K,) from 0 to G - 1, the group of each mover.
+        motions: (G, 3) metres, motions of the groups to the next sweep.
+        turns: (G,) radians, their expected turns until then.
         targets: The other sweeps.
     """
     things = movers.joined(groups)

@@ -19,7 +19,8 @@ class Expectation(Rows):
     """Predictions for K objects from the sweeps before.
 
     Attributes:
-        shares: (K,) which share of an object's points its track expects; 0 without a track.
+        shares: (K,) share of an object's points that lie where its track predicts them; 0 without a
+            track.
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
         turn_rates: (K,) radians per second; 0 without a track.
         scores: (K,) logarithm of the odds that their track moves; 0 without one.
@@ -67,20 +68,20 @@ class Expectation(Rows):
         return self.shares > 0
 
     def surprise(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns (K,) how much less likely motions (K, 3), metres, are than those expected.
+        """Returns (K,) the surprise of motions (K, 3), metres: their negative log-likelihood.
 
-        It is a logarithm, and 0 without a track. What moves goes on as its track does, within the
-        errors of that. Of what does not, or is mostly another thing than its track was, no motion
-        is more likely than another one.
+        A moving track predicts its object's motion within the errors of the track. If the track
+        does not move, or predicts no more than half of the object's points, all motions are equally
+        likely and the surprise is 0, as it is without a track.
         """
         moves = expit(self.scores) * (self.shares > 0.5)
         apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
         return np.asarray(-np.log(moves * np.exp(-apart / 2) + 1 - moves), np.float64)
 
     def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
+        """Returns (K, 3) metres, the predictions; without a track, the given motions."""
         return np.where(self.is_known[:, None], self.motions, motions)
 
     def beside(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Returns (K, 3) metres each, other motions, and the predictions if there are any."""
+        """Returns (K, 3) metres each: the given motions, and the predictions if there are any."""
         return [motions, self.or_else(motions)] if self.is_known.any() else [motions]

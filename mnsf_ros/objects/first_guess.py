@@ -12,8 +12,8 @@ from mnsf_ros.objects.suspects import are_worth_a_fit
 from mnsf_ros.objects.table import ObjectTable
 from mnsf_ros.objects.voting import voted_motions
 
-# In older sweeps, motions that differ from the best in the neighbouring ones by less are tried: the
-# work grows with the square.
+# In older sweeps, only motions within this of the best one in the neighbouring sweeps are tried:
+# the work grows with the square.
 _MAX_CHANGE_M_S: Final = 12.0
 
 
@@ -22,9 +22,9 @@ def first_guesses(
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
 
-    The shift with most votes of the neighbouring sweeps and what a track expects are compared, then
-    that of the older sweeps around the best of them: for slow objects, and for long ones whose
-    sides look alike.
+    First the candidates are no motion, the shift with most votes in the neighbouring sweeps, and
+    the track's prediction. Then the older sweeps vote on shifts around the best of these. They help
+    with slow objects, and with long ones whose sides look the same everywhere.
 
     Args:
         table: K suspects.

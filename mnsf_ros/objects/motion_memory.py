@@ -26,7 +26,7 @@ class MotionMemory:
     def with_settings(self, settings: Settings, *, is_same_world: bool) -> "MotionMemory":
         """Returns a memory for other settings.
 
-        It knows what this one does if objects and the world that they are in stay the same.
+        It keeps the tracks if the world frame and the preparation of sweeps stay the same.
         """
         other = MotionMemory(settings)
         other._next_id = self._next_id
@@ -45,11 +45,11 @@ class MotionMemory:
     def follow(
         self, expected: Sequence[Track], seen: Sightings, stamp_ns: int, interval_s: float
     ) -> tuple[list[Track], NDArray[np.int64]]:
-        """Associates what may move in the current sweep with the tracks, and updates these.
+        """Assigns the sightings of the current sweep to the tracks, and updates the tracks.
 
         Args:
             expected: The tracks, see `expected`.
-            seen: What moves, or may move, in the sweep.
+            seen: Things that move, or may move, in the sweep.
             stamp_ns: Time of the sweep.
             interval_s: Time to the next sweep.
 
@@ -63,7 +63,7 @@ class MotionMemory:
         return tracks, ids
 
     def expected(self, stamp_ns: int, interval_s: float) -> list[Track]:
-        """Returns the tracks as they are expected in a sweep, so long before the next one."""
+        """Returns the tracks predicted to a sweep, which is `interval_s` before the next one."""
         if self._tracks is None or interval_s <= 0:
             return []
         return alive(self._tracks, stamp_ns)
@@ -75,7 +75,7 @@ def follow(
     """Returns the tracks after a sweep, and (G,) the number of the track of each of G things.
 
     Args:
-        tracks: Those before, as they are expected in this sweep.
+        tracks: The tracks before, predicted to this sweep.
         seen: G things that move, or may move.
         stamp_ns: Time of the sweep.
         next_id: Number of the first track that begins here.
@@ -94,7 +94,7 @@ def follow(
         score, is_mover = float(seen.scores[thing]), bool(seen.are_moving[thing])
         turn_rate = float(seen.turn_rates[thing])
         followed.append(track.seen(stamp_ns, points, score, turn_rate, moves=is_mover))
-    # What became a part of another thing is not followed by itself.
+    # A track whose object became part of another one is not continued.
     unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
     ids = np.array([track.track_id for track in followed], np.int64)
     return sorted(unseen + followed, key=lambda track: track.track_id), ids
@@ -106,10 +106,10 @@ def _assigned(
     shares: NDArray[np.float64],
     is_possible: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns (A,) things that go on with a track, and (A,) the rows of their tracks."""
-    # Of two tracks at the same place the one seen more often goes on.
+    """Returns (A,) things that continue a track, and (A,) the rows of their tracks."""
+    # Of two tracks at the same place the one seen more often continues.
     settled = 1 - 1 / (1 + np.array([track.num_seen for track in tracks]))
-    # Of several parts of what a track was, the largest one goes on with its number.
+    # If the object of a track falls into parts, the largest part continues the track.
     sizes = np.bincount(seen.owners, minlength=len(seen))
     whole = np.array([max(len(track.points), 1) for track in tracks])
     met = shares * sizes[:, None]

@@ -16,17 +16,17 @@ from mnsf_ros.objects.target import NUM_STEPS, Target, Targets
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
 # A motion explains clearly more than another one if it leaves less than this share of its residual.
-# One that was not fitted to the neighbouring sweeps must: over a longer time nothing moves evenly,
-# least of all what brakes.
+# A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
+# change, most of all when a vehicle brakes.
 CLEARLY_SHARE: Final = 0.8
-# A motion that surprises by this (logarithm) must leave less by a factor of e.
+# A motion of this surprise must have a residual smaller by a factor of e.
 _SURPRISE: Final = 6.0
-# Motions that differ by this should explain an object worse: along a flat side they do not.
+# A motion shifted by this should have a larger residual; along a flat side it does not.
 _BESIDE_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
-# Motions (K, 3) to how much less likely they are than those expected, see `Expectation.surprise`.
+# Motions (K, 3) to their surprise, see `Expectation.surprise`.
 Surprise = Callable[[NDArray[np.float32]], NDArray[np.float64]]
 
 
@@ -36,9 +36,9 @@ class JudgedMotions(Rows):
 
     Attributes:
         motions: (K, 3) float32, metres, over ground, to the next sweep.
-        near: (K, 2) metres, unexplained by the next and by the previous sweep, see
+        near: (K, 2) metres, residuals in the next and the previous sweep, see
             `Target.residuals`; (K, 1) without a previous one.
-        past: (K, P) metres, unexplained by P older sweeps.
+        past: (K, P) metres, residuals in P older sweeps.
     """
 
     motions: NDArray[np.float32]
@@ -47,7 +47,7 @@ class JudgedMotions(Rows):
 
     @cached_property
     def total(self) -> NDArray[np.float64]:
-        """(K,) metres, the cost and that of the older sweeps."""
+        """(K,) metres, the sum of `cost` and `older`."""
         return self.cost + self.older
 
     @cached_property
@@ -57,11 +57,11 @@ class JudgedMotions(Rows):
 
     @property
     def older(self) -> NDArray[np.float64]:
-        """(K,) metres, the mean residual in older sweeps, in the others where there are none."""
+        """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.cost
 
     def unlikely(self, surprise: Surprise) -> NDArray[np.float64]:
-        """Returns (K,) metres, what motions leave in sum with the noise, more if they surprise."""
+        """Returns (K,) metres, total residual plus noise, times a factor for the surprise."""
         excess = np.exp(surprise(self.motions) / _SURPRISE)
         return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
 
@@ -70,7 +70,7 @@ class JudgedMotions(Rows):
     ) -> "JudgedMotions":
         """Returns for each object its own motion, or the other one if that is more likely.
 
-        The other one must leave less than this share of the residual.
+        The other motion wins if its `unlikely` is less than `share` times the own one.
         """
         wins = other.unlikely(surprise) < share * self.unlikely(surprise)
         return JudgedMotions(
@@ -149,8 +149,8 @@ def best_of(
 
     Args:
         objects: K objects.
-        targets: What motions are measured on.
-        first: Motions that were judged.
+        targets: The other sweeps.
+        first: Judged motions.
         others: (K, 3) metres each, further candidates.
         surprise: Of motions.
     """
@@ -185,7 +185,7 @@ def fuse_motions(
 
     Args:
         objects: K objects.
-        targets: What the candidates are measured on.
+        targets: The other sweeps.
         forward: (K, 3) metres, the forward flow.
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
@@ -198,10 +198,10 @@ def fuse_motions(
 
 
 def held_m(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
-    """Returns (K,) metres, how much more the best of some motions beside those found leaves.
+    """Returns (K,) metres, the smallest rise of the residual when the motion is shifted.
 
-    They differ from the motion along the object and across it. Of a flat side that slides along
-    itself they leave no more: then the motion is a guess.
+    The shifts are along and across the object. For a flat side that can slide along itself the
+    rise is 0: the motion is a guess.
     """
     angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
     motions = np.tile(moving.motions, (5, 1, 1))

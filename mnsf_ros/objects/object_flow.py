@@ -33,14 +33,13 @@ class ObjectFlowEstimator:
     """Estimates scene flow as ego motion plus one motion for each object that moves.
 
     The structure is that of the paper: a forward field, a backward field, inversion, fusion. The
-    fields are one motion for each object instead of networks, and the sensor's own motion is found
+    fields are one motion for each object instead of networks, and the ego motion is estimated
     first.
 
-    `prepare` and `estimate` share nothing but what the one hands to the other: each may have a
-    thread of its own.
+    `prepare` and `estimate` share only the prepared sweeps: each may run in its own thread.
 
     Attributes:
-        settings: How it estimates.
+        settings: Settings of the estimator.
         traits: It uses three sweeps, or two where there is no previous one.
     """
 
@@ -48,7 +47,7 @@ class ObjectFlowEstimator:
         """Makes an estimator that has seen nothing yet.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there.
+            SettingsError: If the device in the settings is not available.
         """
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
@@ -88,7 +87,7 @@ class ObjectFlowEstimator:
         Args:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
             cancelled: Asked between the steps; True ends the estimate with CancelledError.
-            prepared: What `prepare` made of the triplet; None: that is done first.
+            prepared: Result of `prepare` for the triplet; None: `prepare` is called first.
 
         Raises:
             SweepError: As of `prepare`.
@@ -153,7 +152,7 @@ class ObjectFlowEstimator:
     def guesses(
         self, table: ObjectTable, scene: Scene, clock: StageClock
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Where the fits of K suspects start, (K, 3) metres, and (K,) whether one is worth it."""
+        """Initial motions of K suspects, (K, 3) metres, and (K,) whether a fit is worth it."""
         with clock.stage("first guess"):
             return first_guesses(table, scene)
 
@@ -181,7 +180,7 @@ class ObjectFlowEstimator:
 
 
 def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:
-    """How K movers move and turn, (K, 3, 3)."""
+    """The heads (K, 3, 3) of K movers: their motions and turns."""
     things, groups = np.unique(movers.groups, return_inverse=True)
     turns = np.zeros(len(things))
     turns[groups] = movers.expected.turn_rates * scene.usual_interval_s

@@ -14,11 +14,11 @@ from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.rows import Rows
 from mnsf_ros.settings import ObjectSettings
 
-# How far a point of a surface is from the points of the same surface in another sweep: noise and
-# thinning near by, the spacing of the beams far off.
+# Distance between points of the same surface in two sweeps: noise and thinning at short range, the
+# spacing of the beams at long range.
 NOISE_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
-# To compare motions roughly, so many points of an object are enough.
+# This many points of an object are enough to compare motions roughly.
 _FEW: Final = 16
 
 
@@ -70,7 +70,7 @@ class ObjectPoints(Rows):
         return self._with_points(np.flatnonzero(owners >= 0), self.numbers[rows], owners)
 
     def repeated(self, number: int) -> "ObjectPoints":
-        """Returns the objects several times, as others: a call costs more than a few objects."""
+        """Returns copies of the objects as new objects: one call is faster than several."""
         owners = np.arange(number)[:, None] * len(self) + self.owners
         return ObjectPoints(
             np.tile(self.numbers, number),
@@ -143,8 +143,8 @@ class ObjectPoints(Rows):
     def thicknesses(self) -> NDArray[np.float64]:
         """(K,) metres, the height of each object, or its width if that is smaller.
 
-        Strips of walls and single rings on crowns of trees and tables are thin: what is seen of
-        them changes from sweep to sweep as if they moved.
+        Strips of walls and single rings on crowns of trees and tables are thin. Their visible part
+        changes from sweep to sweep as if they moved.
         """
         _, widths, heights = self.extents
         return np.minimum(widths, heights)
@@ -153,8 +153,8 @@ class ObjectPoints(Rows):
     def tops(self) -> NDArray[np.float64]:
         """(K,) metres, how far each object reaches above the sensor; 0 if it does not.
 
-        It leaves out what is above a mover, the roof of a tunnel or the crown of a tree: its height
-        is taken for twice that of the middle half of the points.
+        The height of an object is estimated as twice the height of the middle half of its points.
+        This ignores points above a mover, such as the roof of a tunnel or the crown of a tree.
         """
         # Points are in the order of their heights, see `thinned`.
         low, high = (self.positions[self.starts + share * self.counts // 4, 2] for share in (1, 3))
@@ -209,7 +209,7 @@ def _chosen(
             continue
         count, rank = counts[number], ranks[number]
         ranks[number] += 1
-        # Evenly over the object: every rank where the share of those wanted makes a step.
+        # Evenly over the object: a rank is chosen where rank * wanted / count passes an integer.
         wanted = min(count, max_points)
         place = rank * wanted // count
         if place != (rank + 1) * wanted // count:

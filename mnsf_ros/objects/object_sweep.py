@@ -21,7 +21,7 @@ from mnsf_ros.sweeps.range_view import RangeView
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_clock import SweepClock
 
-# Points that are farther apart than this are those of different things.
+# Points that are farther apart than this belong to different things.
 TOUCH_M: Final = 0.25
 
 
@@ -29,18 +29,19 @@ class ObjectSweep:
     """Built once for each sweep, used as next, current, previous and one of the past.
 
     Attributes:
-        sweep: The sweep as it came.
-        pose: Where it was taken.
+        sweep: The input sweep.
+        pose: Pose of the sensor.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points with a height that are not ground.
         ground: The ground under it.
-        heights: (N,) float32, metres, how far its points are above ground; NaN outside the crop,
-            and where that is higher than what moves.
-        clock: When which direction was measured; None if not known.
+        heights: (N,) float32, metres above ground of its points; NaN outside the crop, and above
+            `objects.max_height_m`.
+        clock: Measuring time of each direction; None if unknown.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
         grid: The thinned points in cells.
-        wholes: (all objects,) int, what each was cut out of, see `with_parts`; else itself.
+        wholes: (all objects,) int, the object that each was cut out of, see `with_parts`; else its
+            own number.
     """
 
     def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
@@ -55,7 +56,7 @@ class ObjectSweep:
         self.ground, self.heights = ground_under(self.xyz, settings)
         lowest_m = settings.ground.margin_m if settings.ground.remove else -np.inf
         if settings.ground.remove:
-            # What is under a ceiling or a tree would be one with it, as seen from above. Beside a
+            # Seen from above, an object under a ceiling or a tree would merge with it. Beside a
             # dam, the ground may be far below the road.
             is_high = (self.heights > settings.objects.max_height_m) & (self.xyz[:, 2] > 0)
             self.heights[is_high] = np.nan
@@ -63,7 +64,7 @@ class ObjectSweep:
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
             self.clock = SweepClock.of(self.xyz, sweep.times_s)
-        # What moves is elsewhere when it is seen again: objects are made of first views.
+        # A mover is elsewhere when it is seen again: objects consist of first views.
         self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
         points = self._points = chosen_points(self.xyz, self._in_objects)
         if len(points) < MIN_POINTS:
@@ -93,7 +94,7 @@ class ObjectSweep:
     def members(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """(M, 3) metres, the thinned points of each object, and (M,) the objects.
 
-        Those of a part are points of its whole, too.
+        Points of a part are points of its whole, too.
         """
         labels = self.thinned_objects
         wholes = self.wholes[labels]
@@ -120,8 +121,8 @@ class ObjectSweep:
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
-            rows: (P,) the points; touching ones of one object are a part of it, if it is no more
-                than half of it: else the object is what these are.
+            rows: (P,) the points; touching ones of one object are a part of it, if the part is no
+                more than half of the object. Otherwise they stay in the object.
         """
         if len(rows) == 0:
             return self
@@ -149,10 +150,10 @@ class ObjectSweep:
         return self._relabelled(apart, np.append(self.wholes, keys % self.num_objects))
 
     def with_parts_beside(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
-        """Returns the same sweep, with all others than these numbers whole again.
+        """Returns the same sweep; parts are merged into their wholes again, except these numbers.
 
-        The other parts of a whole of which a part is among them stay apart, too: they may be
-        fragments of that.
+        If one part of a whole is among these numbers, the other parts of this whole stay separate,
+        too: they may be fragments of it.
         """
         split = np.setdiff1d(self.wholes[numbers], numbers)
         after = np.where(np.isin(self.wholes, split), np.arange(self.num_objects), self.wholes)
@@ -175,7 +176,7 @@ class ObjectSweep:
     def objects(self) -> NDArray[np.int64]:
         """(N,) the object of each point of the sweep.
 
-        It is 0 for ground, for what was cropped, and for points that were seen a second time.
+        It is 0 for ground, cropped points, and points that were seen a second time.
         """
         objects = np.zeros(len(self.sweep), dtype=np.int64)
         objects[self._in_objects] = self._point_objects

@@ -29,14 +29,14 @@ def spread(
     tracks: Sequence[Track],
     ids: NDArray[np.int64],
 ) -> OverGround:
-    """Returns what is known of all points of the current sweep.
+    """Returns motion, confidence and track of all points of the current sweep.
 
     Args:
         scene: The sweeps.
         table: Its objects, K of which move.
-        heads: (K, 3, 3) how those K move and turn.
-        tracks: What is followed.
-        ids: (K,) the numbers of their tracks.
+        heads: (K, 3, 3) motions and turns of these K.
+        tracks: All tracks.
+        ids: (K,) the numbers of the K objects' tracks.
     """
     current, next_ = scene.current, scene.targets.near[0]
     owners, movers, doubtful = current.objects(), table.movers, table.doubtful
@@ -69,7 +69,7 @@ def spread(
 
 
 def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32]:
-    """Returns (N, 3) metres, the flow of all points: motion over ground, then the sensor's."""
+    """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion."""
     sweep, pose = current.sweep, current.pose
     xyz, motion = sweep.xyz, over_ground.next_from_current
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
@@ -96,7 +96,7 @@ def _rows_of_movers(
     rows = movers.rows_of(current.num_objects)[owners]
     are_loose = current.counts < scene.settings.min_points
     are_loose[doubtful] = True
-    # A whole that stands while a part of it moves is no fragment.
+    # A static whole with a moving part is no fragment.
     are_loose[current.wholes[movers.numbers]] = False
     are_loose[0] = False
     beside, their_rows = attached(current, owners, movers, are_loose)
@@ -149,7 +149,8 @@ def attached(
     nearest = np.full(len(beside), -1)
     is_part = is_loose[theirs]
     nearest[is_part] = PointGrid(points).nearest(places[is_part])
-    # What was taken for ground is not if it is higher above it than it is beside the mover.
+    # Points taken for ground belong to a mover if their height above the ground exceeds their
+    # horizontal distance to the mover.
     higher_m = current.heights[beside] - spacing_of(places) / 2
     is_low = ~is_part & (higher_m > 0)
     nearest[is_low] = _above(points, places[is_low], higher_m[is_low])
@@ -163,10 +164,10 @@ def attached(
 def _above(
     points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.floating[Any]]
 ) -> NDArray[np.int64]:
-    """Returns (P,) the row of the point that is nearest to each of the places (P, 3), from above.
+    """Returns (P,) the row of the point nearest to each place (P, 3) in the view from above.
 
-    It is -1 if none is within (P,) metres. How far above does not matter: between beams a mover may
-    have no points for any height.
+    It is -1 if none is within (P,) metres. Height differences do not count: between beams a mover
+    may have no points over any height.
     """
     on_ground = np.array([1, 1, 0], np.float32)
     nearest = PointGrid(points * on_ground).nearest(places * on_ground)
@@ -178,9 +179,9 @@ def _above(
 def _beside(
     points: NDArray[np.float32], places: NDArray[np.float32], wanted: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Returns the rows of the wanted of the places (N, 3) that are in reach of points (P, 3).
+    """Returns the rows of the wanted places (N, 3) that are near points (P, 3) as seen from above.
 
-    As seen from above, and a little more: in the cells of the points, and in those beside them.
+    Near is: in the cells of the points or in neighbouring cells, a little beyond the reach.
     """
     low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
     for row in range(len(points)):

@@ -17,7 +17,7 @@ from mnsf_ros.objects.table import FITTED, ObjectTable
 from mnsf_ros.objects.target import Target
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# Points of another sweep so far around the box of an object are told with it.
+# Points of another sweep within this distance of the box of an object are part of its reasons.
 _AROUND_M: Final = 2.0
 
 
@@ -71,7 +71,7 @@ class Reasons:
         return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE
 
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
-        """What all targets say about an object with a motion (3,), metres to the next sweep."""
+        """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
         own = objects.take(np.flatnonzero(objects.numbers == number))
         if len(own) == 0:

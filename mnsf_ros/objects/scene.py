@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The last sweeps, each prepared once, and how those of one estimate are seen from its middle."""
+"""The last sweeps, each prepared once, and the targets of the current one."""
 
 import time
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import ObjectSettings, Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Stretch, Sweep, SweepTriplet
 
-# How far back an object is looked for: three and six sweeps at 10 Hz. Before the first a car has
-# not turned by much, before the second a slow pedestrian has moved by more than the noise.
+# Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
+# much; within the second a slow pedestrian moves by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
 _MAX_SWEEPS: Final = 12
 
@@ -28,7 +28,7 @@ class ReadySweeps:
     Attributes:
         last: Oldest first; the last one is the triplet's next sweep.
         of_triplet: The previous sweep, if there is one, the current and the next one.
-        time_ms: Run time of those that were not ready yet.
+        time_ms: Run time of the preparation of sweeps that were not ready yet.
     """
 
     last: tuple[ObjectSweep, ...]
@@ -39,7 +39,7 @@ class ReadySweeps:
         """Neighbouring sweeps to test motions on: the next one, and the previous one if known.
 
         Args:
-            interval_ratio: As of the triplet.
+            interval_ratio: Of the triplet.
         """
         *before, current, next_ = self.of_triplet
         near = [Target.of(next_, current, 1.0)]
@@ -86,10 +86,10 @@ class PreparedSweeps:
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
     def with_settings(self, settings: Settings) -> "PreparedSweeps":
-        """Returns the same for other settings, with all that still holds.
+        """Returns the same for other settings, with all state that is still valid.
 
-        The world and the poses in it depend on `ego_motion` only, the rest on all settings
-        `of_preparation`. Of the old and the new one, only one prepares a sweep.
+        World and poses depend on `ego_motion` only, the rest on all settings `of_preparation`. The
+        two share state: only one of them may prepare further sweeps.
         """
         other = PreparedSweeps(settings)
         if settings.ego_motion == self._settings.ego_motion:
@@ -103,7 +103,7 @@ class PreparedSweeps:
         return settings.of_preparation == self._settings.of_preparation
 
     def ready(self, triplet: SweepTriplet) -> ReadySweeps:
-        """Makes the sweeps of a triplet ready, those that are not yet.
+        """Prepares the sweeps of a triplet that are not ready yet.
 
         Raises:
             SweepError: If too few points of one are left.
@@ -131,10 +131,10 @@ class PreparedSweeps:
 
 
 def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
-    """Returns the sweep with what came lately as parts of what it touches.
+    """Returns the sweep with new points as parts of the objects that they touch.
 
-    A point came lately if another sweep saw through its place and nothing was near: that of a
-    pedestrian in a row of parked cars, or of the front of a bus. Which of both tells `moves`.
+    A point is new if another sweep saw through its place and had no point near it. It may belong
+    to a pedestrian in a row of parked cars, or to the front of a bus; `moves` decides.
 
     Args:
         current: The sweep.
@@ -152,10 +152,10 @@ class Scene:
 
     Attributes:
         current: The middle sweep.
-        targets: What its objects are measured on.
-        tracks: What was followed, as it is expected by now.
+        targets: The other sweeps.
+        tracks: The tracks, predicted to the current sweep.
         interval_s: Time to the next sweep; 0 without stamps.
-        start: Whether anything is known from triplets before.
+        start: Whether the estimate starts warm, else why not.
         settings: Settings of the objects.
     """
 
@@ -175,7 +175,7 @@ class Scene:
         start: Start,
         settings: ObjectSettings,
     ) -> "Scene":
-        """Looks at a triplet whose sweeps are ready."""
+        """Returns the scene of a triplet whose sweeps are ready."""
         *_, current, _ = ready.of_triplet
         near = ready.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)

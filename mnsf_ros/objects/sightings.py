@@ -16,7 +16,7 @@ from mnsf_ros.objects.motions import are_same
 from mnsf_ros.objects.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.objects.table import ObjectTable
 
-# Standard deviation of a motion that is held.
+# Standard deviation of a motion that the points constrain.
 _MOTION_M: Final = 0.03
 
 
@@ -27,10 +27,10 @@ class Sightings:
     Attributes:
         motions: (G, 3) float32, metres to the next sweep, axes of the sensor.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
-        scores: (G,) logarithm of the odds that they move, of their likeliest object.
-        are_moving: (G,) whether they are said to move.
+        scores: (G,) log-odds that they move, of their likeliest object.
+        are_moving: (G,) whether an object of theirs is called dynamic.
         turn_rates: (G,) radians per second, to the left.
-        variances: (G, 2) of both along each axis.
+        variances: (G, 2) of place and velocity along each axis.
         points: (P, 3) metres.
         owners: (P,) int from 0 to G - 1, rising.
     """
@@ -71,7 +71,7 @@ class Sightings:
         # The middle of the visible points shifts when another side comes into view.
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         place_errors = spread.max(axis=1, initial=0.0)
-        # What leaves hardly more beside its motion than with it says little of the velocity.
+        # If shifted motions hardly raise the residual, the velocity is uncertain.
         shares = np.bincount(groups, counts * held, number) / weights[:, 0] / (2 * NOISE_M)
         velocity_errors = _MOTION_M / interval_s / np.clip(shares, 1e-3, 1.0)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
@@ -107,12 +107,12 @@ def mover_groups(
     points: NDArray[np.float32],
     owners: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Returns (K,) the number from 0 of the thing that each of K movers is a part of.
+    """Returns (K,) the group, from 0, of each of K movers that touch and move alike.
 
     Args:
         movers: K objects that move.
         motions: (K, 3) metres, their motions to the next sweep.
-        points: (A, 3) metres, all points of theirs: of long ones those chosen are far apart.
+        points: (A, 3) metres, all their points: the chosen points of long ones are far apart.
         owners: (A,) the rows of their movers.
     """
     if len(movers) == 0:

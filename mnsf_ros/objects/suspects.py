@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Suspects: objects that may move, as other sweeps do not show them at the same place."""
+"""Suspects: objects that other sweeps do not support as static."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,12 @@ from mnsf_ros.objects.target import Targets
 
 
 def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> ObjectTable:
-    """Rejects what other sweeps show at the same place, and what exceeds the limit of the work.
+    """Rejects objects that other sweeps support as static, and those beyond the work limit.
 
     Args:
         table: The objects.
         targets: The other sweeps.
-        max_suspects: How many objects are searched: those with a moving track, then the nearest.
+        max_suspects: Maximum number of suspects: those with a moving track, then the nearest.
     """
     is_suspect = _are_suspects(table, targets)
     table = table.rejected(np.flatnonzero(~is_suspect), Verdict.NOT_SUSPECTED)
@@ -35,9 +35,9 @@ def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> Ob
 def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
     """Returns (K,) the objects that no older sweep supports as static, and those with a track.
 
-    Without older sweeps they are those that no neighbouring sweep supports. A surface that one
-    sweep does not show may be hidden. And those beside which something is gone: of a long side that
-    slides along itself only the ends change.
+    Without older sweeps, the neighbouring ones are used. One sweep is enough to support an object,
+    because in others its surface may be hidden. Objects next to points that are gone are suspects,
+    too: of a long side that slides along itself only the ends change.
     """
     some, others = table.points.thinner(), targets.past or targets.near
     is_suspect, is_known = np.ones(len(table), dtype=bool), table.expected.is_known
@@ -45,7 +45,7 @@ def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
     for target in reversed(others):
         rows = np.flatnonzero(is_suspect & ~is_known)
         left_m = target.residuals(some.take(rows), np.zeros((len(rows), 3), np.float32))
-        # What a sweep explains up to its noise without motion is no suspect.
+        # An object with a residual within the noise is not a suspect.
         is_suspect[rows] = left_m > 2 * NOISE_M
     changed = np.concatenate([target.objects_beside_gone for target in others])
     return np.asarray(is_suspect | np.isin(table.points.numbers, changed))
@@ -56,7 +56,7 @@ def are_worth_a_fit(
 ) -> NDArray[np.bool_]:
     """Returns (K,) the objects that motions explain clearly better, or that have a track.
 
-    Without older sweeps all are: two sweeps alone do not tell.
+    Without older sweeps all objects are worth a fit: the neighbouring sweeps cannot decide.
     """
     explains = moving.total < CLEARLY_SHARE * table.standing.total
     return table.expected.is_known | explains | (not targets.past)

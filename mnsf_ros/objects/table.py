@@ -25,22 +25,22 @@ FITTED: Final = (Verdict.DYNAMIC, Verdict.REFUSED, Verdict.PARTLY)
 class ObjectTable(Rows):
     """K objects that are neither too small nor too large to move, a row each.
 
-    Each stage fills columns of the objects that it looks at, and sets the verdict of those that it
-    rejects. What no stage rejects is dynamic.
+    Each stage fills columns of some objects, and sets the verdict of those that it rejects. An
+    object that no stage rejects is dynamic.
 
     Attributes:
         points: Their points, and their numbers in the sweep.
         wholes: (K,) the object that each was cut out of, else its own number.
         verdicts: (K,) of `Verdict`.
-        expected: What tracks expect of them.
-        standing: How well a few points of each are explained as static; of suspects.
-        start: (K, 3) metres to the next sweep, where the fit of the motion starts.
-        moving: The motion that was found, and how well it explains the sweeps.
+        expected: Predictions of their tracks.
+        standing: Residuals as static objects, from a few points of each; for suspects only.
+        start: (K, 3) metres to the next sweep, initial value of the fit of the motion.
+        moving: The estimated motion and its residuals.
         free: (K,) points new or gone, see `free_space`.
         evidence: (K, E) features for and against the motion.
         scores: (K,) logarithm of the odds that it moves.
-        held: (K,) metres, how well the motion is held, see `held_m`.
-        groups: (K,) the thing that moves, or may move, that each is a part of; else -1.
+        held: (K,) metres, rise of the residual for shifted motions, see `held_m`.
+        groups: (K,) the group of objects that move, or may move, alike; else -1.
     """
 
     points: ObjectPoints

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Target: another sweep in the frame of the current one, to measure moved points against."""
+"""Target: another sweep that moved points of the current one are compared with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import TOUCH_M, ObjectSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# The residual of a point is limited to the reach, that of one that nobody can have seen to this.
+# Limit of the residual of a point that would be hidden or out of view; else it is the reach.
 _HIDDEN_M: Final = 0.1
 # Steps of the fit of a motion to a target.
 NUM_STEPS: Final = 4
-# An object that was measured at the end of one sweep and at the beginning of the next has hardly
-# moved; less of the interval than this is not believed.
+# An object measured at the end of one sweep and at the beginning of the next has hardly moved. Its
+# share of the interval is at least this.
 _MIN_SHARE_OF_STEPS: Final = 0.5
 
 
@@ -32,8 +32,8 @@ class Target:
     Attributes:
         sweep: The sweep.
         from_current: (4, 4), target_from_current of static points.
-        steps: How often an object has made its motion to the next sweep by then: 1 for the next
-            sweep, -1 for the previous one, if the intervals are equal.
+        steps: Time to this sweep in intervals to the next sweep: 1 for the next sweep, -1 for the
+            previous one if the intervals are equal.
         current: The current sweep.
     """
 
@@ -79,7 +79,7 @@ class Target:
 
         Args:
             objects: K objects.
-            flows: (K, 3) metres, how far they are moved.
+            flows: (K, 3) metres, their motions until the target.
         """
         exactly = np.zeros_like(objects.spacing)
         _, vectors, counts = self.sweep.grid.compared(
@@ -89,7 +89,7 @@ class Target:
         return turned(means, self.from_current[:3, :3].T)
 
     def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
+        """Returns (P,) which points (P, 3) are new: the sweep saw through, and had none near."""
         places = transformed(points, self.from_current)
         is_new = self.sweep.view.are_free(places)
         free = chosen_points(places, is_new)
@@ -98,7 +98,7 @@ class Target:
 
     @cached_property
     def gone(self) -> NDArray[np.float32]:
-        """(G, 3) metres, current frame, points of what may move whose places are free by now."""
+        """(G, 3) metres, current frame, points of possible movers whose places are free by now."""
         may_move = self.sweep.may_move[self.sweep.thinned_objects]
         points = chosen_points(self.sweep.thinned, may_move)
         is_gone = Target(self.current, self.to_current, 1.0, self.sweep).are_new(points)
@@ -123,7 +123,7 @@ class Target:
         return np.asarray(objects.sums(free.astype(np.int64)), np.int64)
 
     def rows_of_gone(self, places: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Returns (M,) for each point that is `gone` and near a place the row of that place.
+        """Returns (M,) the row of the nearest place for each point of `gone` that is near one.
 
         Args:
             places: (P, 3) metres, current frame.
@@ -132,9 +132,9 @@ class Target:
         return nearest[nearest >= 0]
 
     def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) which places (P, 3), frame of the target, nobody can have seen.
+        """Returns (P,) which places (P, 3), frame of the target, are hidden or out of view.
 
-        They are behind a surface, or beside the view: nothing returns from there in both sweeps.
+        They are behind a surface, or in a direction without returns in both sweeps.
         """
         view = self.sweep.view
         return view.are_hidden(places) | view.are_beside(places, self.current.view)
@@ -155,7 +155,7 @@ class Target:
         motions: NDArray[np.float32],
         most_m: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """How far moved objects are from the target, beyond the spacing of its points.
+        """Returns the residuals of moved objects: mean distance to the target beyond the spacing.
 
         Args:
             objects: K objects.
@@ -163,7 +163,7 @@ class Target:
             most_m: (K,) metres; residuals above need not be exact.
 
         Returns:
-            (K,) metres, mean over each object's points, truncated, and sooner where hidden.
+            (K,) metres, mean over each object's points, truncated by `limits_m`.
         """
         shifts = self.shifts(objects, motions)
         sums, _, _ = self.sweep.grid.compared(
@@ -178,7 +178,7 @@ class Target:
         return np.asarray(sums / objects.counts, np.float64)
 
     def shifts(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (K, 3) metres, how far objects have moved by the time of the target.
+        """Returns (K, 3) metres, the motions of objects until the time of the target.
 
         Args:
             objects: K objects.
@@ -189,7 +189,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Targets:
-    """The sweeps that motions are measured on.
+    """The other sweeps that motions are judged on.
 
     Attributes:
         near: Next sweep, and previous sweep where there is one.

@@ -63,7 +63,7 @@ def _told(
     box = _box(points, velocity)
     center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
     if motion is not None and times_s is not None:
-        # What moves was there when it was measured.
+        # The points of a mover hold for the time at which they were measured.
         center = center - velocity * (times_s[seen].mean() if len(seen) else motion.moment_s)
     turn = stamp_from_moment[:3, :3]
     x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
@@ -81,7 +81,7 @@ def _told(
 
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
-    """Whether something occludes the points (P, 3) where what moves most likely is expected."""
+    """Whether the object likely moves, and most of its predicted points (P, 3) are occluded."""
     return track.score > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
 
 
@@ -89,8 +89,8 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
 def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the upright box (7,) around points (P, 3), P > 0: center and size, metres, and yaw.
 
-    It points to where it goes with its velocity (3,), or along its longest direction, if that makes
-    the smaller box: of what is slow, the direction of the velocity is mostly noise.
+    Its yaw is the direction of the velocity (3,), or the longest direction if that gives a smaller
+    box: for slow objects the direction of the velocity is mostly noise.
     """
     middle = np.zeros(3)
     for row in range(len(points)):

@@ -15,13 +15,13 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 _ACCELERATION_M_S2: Final = 3.0
 # A track ends if it was not seen for so long that it may be out of reach of where it is expected.
 _MAX_UNSEEN_S: Final = np.sqrt(2 * REACH_M / _ACCELERATION_M_S2)
-# A thing is that of a track if more than this share of its points is where the track expects it.
+# A thing may continue a track if more than this share of its points is where the track predicts it.
 MIN_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What moves, or may move, followed; at one time, in the world (Kalman filter).
+    """State of a followed object that moves, or may move, in the world frame (Kalman filter).
 
     Attributes:
         track_id: Number from 1.
@@ -29,11 +29,11 @@ class Track:
         begun_ns: When it was first seen to move.
         seen_ns: When it was last seen.
         num_seen: In how many sweeps it was seen to move.
-        score: Logarithm of the odds that it moves, by all sweeps that showed it.
+        score: Log-odds that it moves, from all sweeps that showed it.
         state: (2, 3) place in metres and velocity in metres per second.
         turn_rate: Radians per second, to the left.
         covariance: (2, 2) of place and velocity, the same along each axis.
-        points: (P, 3) metres, where it was last seen, moved to where it should be by now.
+        points: (P, 3) metres, the points last seen, moved to the predicted place.
     """
 
     track_id: int
@@ -82,14 +82,14 @@ class Track:
             seen_ns=stamp_ns,
             num_seen=self.num_seen + moves,
             score=score,
-            # What is expected is about as certain as what is seen.
+            # Prediction and measurement are about equally certain.
             turn_rate=(self.turn_rate + turn_rate) / 2,
             points=points,
         )
 
 
 def _expected(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
-    """Tracks as they are expected at another time, not before their own."""
+    """Tracks predicted to another time, not before their own."""
     elapsed_s = np.array([stamp_ns - track.stamp_ns for track in tracks]) / NANOSECONDS
     steps = np.tile(np.eye(2), (len(tracks), 1, 1))
     steps[:, 0, 1] = elapsed_s
@@ -139,7 +139,7 @@ def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[n
 
 
 def alive(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
-    """Tracks that may still be seen at a time, as they are expected then."""
+    """Tracks that may still be seen at a time, predicted to it."""
     limit_ns = stamp_ns - _MAX_UNSEEN_S * NANOSECONDS
     known = [track for track in tracks if limit_ns <= track.seen_ns <= stamp_ns]
     return _expected(known, stamp_ns)
@@ -148,10 +148,10 @@ def alive(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
 def expecting_shares(
     tracks: Sequence[Track], points: NDArray[np.float64], owners: NDArray[np.int64], number: int
 ) -> NDArray[np.float64]:
-    """Returns (number, K) which share of each owner's points is where each track expects one.
+    """Returns (number, K) share of each owner's points that is where each track predicts one.
 
     Args:
-        tracks: K tracks, as they are expected.
+        tracks: K predicted tracks.
         points: (P, 3) metres, world.
         owners: (P,) int from 0 to `number` - 1.
         number: How many owners there are.

@@ -16,9 +16,9 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
 _CELL_M: Final = 0.4
-# The work does not grow with the square of the interval: a sensor that is slow has larger cells.
+# Limits the work, which else grows with the square of the interval: a slow sensor has larger cells.
 _MAX_CELLS_OF_MARGIN: Final = 64
-# Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
+# Levels of height around the middle of the points, one bit each. The lowest and highest stay empty.
 _NUM_LEVELS: Final = 16
 
 
@@ -140,7 +140,7 @@ class VotingGrid:
     def cells_of(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(P,) the columns of points (P, 3), and the bits of their levels.
 
-        What is above or below counts to the last level.
+        Points above or below all levels count in the highest or lowest one.
         """
         cells = np.floor((points - self._low) / np.float32(self.cell_m)).astype(np.int64)
         return self.steps(cells[:, :2]), 1 << np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
