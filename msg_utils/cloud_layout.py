@@ -2,7 +2,7 @@
 """Layout of the points of a cloud in its data, NumPy views of them, and their encoding."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -37,7 +37,8 @@ class CloudLayout:
         """Checks the layout of a message.
 
         `point_step` and `row_step` of a cloud without points may be too small: nothing is read, and
-        drivers leave both unset in empty clouds.
+        drivers leave both unset in empty clouds. Data of exactly the bytes of the points has rows
+        without padding, whatever `row_step` says: drivers set 0, or the size of the whole cloud.
 
         Raises:
             MessageError: The layout contradicts itself.
@@ -50,6 +51,9 @@ class CloudLayout:
             point_step=checked_integer(cloud.point_step, "point_step", POINT_STEP_MAX),
             row_step=checked_integer(cloud.row_step, "row_step"),
         )
+        row_bytes = layout.width * layout.point_step
+        if layout.row_step != row_bytes and _length(cloud.data) == layout.height * row_bytes:
+            layout = replace(layout, row_step=row_bytes)
         layout._check()
         return layout
 
@@ -89,6 +93,14 @@ class CloudLayout:
                 f"row_step is {self.row_step}, expected at least {row_bytes} (width {self.width} x "
                 f"point_step {self.point_step})"
             )
+
+
+def _length(data: object) -> int | None:
+    """Number of bytes of a buffer; None where it is none, which `read_only_bytes` refuses."""
+    try:
+        return memoryview(data).nbytes  # type: ignore[arg-type]
+    except (BufferError, TypeError, ValueError):
+        return None
 
 
 def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[np.uint8]:

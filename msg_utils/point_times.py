@@ -18,8 +18,12 @@ TimeRuleLike: TypeAlias = Any
 
 AUTO: Final = "auto"
 NO_FIELD: Final = "none"
-# In the order in which they are tried.
-FIELD_NAMES: Final = ("t", "time", "timestamp", "time_stamp", "offset_time")
+# In the order in which they are tried. Not `time_offset`: converted data sets have it beside points
+# that may be free of the motion already.
+FIELD_NAMES: Final = (
+    *("t", "time", "timestamp", "time_stamp", "offset_time"),
+    *("time_offset_ns", "offset_time_ns"),
+)
 UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Duration of a sweep. At most one of `s`, `us` and `ns` gives it for given numbers.
 _SHORTEST_S: Final = 0.002

@@ -115,3 +115,15 @@ class TestXyz:
         data = struct.pack("<fdf", 2.0, 1.0, 3.0)
         xyz, _ = decode_xyz(make_cloud(fields, data, width=1, point_step=16))
         assert xyz.tolist() == [[1.0, 2.0, 3.0]]
+
+
+@pytest.mark.parametrize("row_step", [0, 2, 72, 96])
+@pytest.mark.parametrize("shape", [(1, 6), (3, 2)])
+def test_exact_data_decides_where_row_step_contradicts_it(make_cloud, shape, row_step):
+    xyz = np.arange(18, dtype="<f4").reshape(6, 3)
+    fields = [(name, 4 * index, 7, 1) for index, name in enumerate("xyz")]
+    height, width = shape
+    cloud = make_cloud(
+        fields, xyz.tobytes(), height=height, width=width, point_step=12, row_step=row_step
+    )
+    np.testing.assert_array_equal(decode_xyz(cloud)[0], xyz)

@@ -36,7 +36,7 @@ HUGE = {"width": 2**31, "height": 2**31, "point_step": 1, "row_step": 2**31}
         (XYZ, 24, ROW | {"point_step": 0}, "point_step is 0, expected at least 1 for 2 points"),
         (XYZ, 22, ROW | {"point_step": 11}, "field 'z' (offset 8, count 1, FLOAT32) ends at byte"),
         ([("x", 0, 8, 2**32 - 1)], 24, ROW, "field 'x' (offset 0, count 4294967295, FLOAT64) ends"),
-        (XYZ, 24, ROW | {"row_step": 23}, "row_step is 23, expected at least 24 (width 2 x point_"),
+        (XYZ, 25, ROW | {"row_step": 23}, "row_step is 23, expected at least 24 (width 2 x point_"),
         ([("x", 0, 2, 1)], 100, HUGE, "data has 100 bytes, expected at least 4611686018427387904"),
     ],
 )

@@ -36,6 +36,8 @@ DRIVERS = {
     "robosense, stamp at the end": ("timestamp", np.float64, lambda s: s + STAMP_S - 0.1, -0.1),
     "livox PointXYZRTLT": ("timestamp", np.float64, lambda s: (s + STAMP_S) * 1e9, 0.0),
     "livox offset_time": ("offset_time", np.uint32, lambda s: s * 1e9, 0.0),
+    "aeva time_offset_ns": ("time_offset_ns", np.int32, lambda s: s * 1e9, 0.0),
+    "converted offset_time_ns": ("offset_time_ns", np.uint32, lambda s: s * 1e9, 0.0),
     "microseconds": ("time", np.float32, lambda s: s * 1e6, 0.0),
     "int32": ("t", np.int32, lambda s: (s - 0.05) * 1e9, -0.05),
 }  # fmt: skip
