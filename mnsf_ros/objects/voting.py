@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Voting: the shift of an object that most of its points agree on."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -46,7 +47,7 @@ def voted_motions(
     grid = VotingGrid(
         objects.positions, margin_m * max(1.0, *(abs(target.steps) for target in targets))
     )
-    shifts = _shifts(int(reach_m / grid.cell_m))
+    shifts = _shifts(round(reach_m / grid.cell_m))
     columns, levels = zip(
         *(
             grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
@@ -120,18 +121,17 @@ class VotingGrid:
 
     def __init__(self, points: NDArray[np.float32], margin_m: float) -> None:
         """Lays a grid around points (N, 3), metres, and so far around them."""
-        low = [float(points[:, axis].min()) - margin_m for axis in (0, 1)]
-        high = [float(points[:, axis].max()) + margin_m for axis in (0, 1)]
-        extents = [end - start for start, end in zip(low, high, strict=True)]
-        self.cell_m = max(
-            _CELL_M, max(extents) / MAX_CELLS_PER_AXIS, margin_m / _MAX_CELLS_OF_MARGIN
-        )
+        low = points[:, :2].min(axis=0).astype(np.float64) - margin_m
+        high = points[:, :2].max(axis=0).astype(np.float64) + margin_m
+        least_m = max((high - low).max() / MAX_CELLS_PER_AXIS, margin_m / _MAX_CELLS_OF_MARGIN)
+        # Neither sizes nor edges of cells follow a margin that is a little larger.
+        self.cell_m = _CELL_M * 2.0 ** max(0, math.ceil(math.log2(least_m / _CELL_M)))
         middle_m = (float(points[:, 2].min()) + float(points[:, 2].max())) / 2
-        bottom_m = middle_m - _NUM_LEVELS * self.cell_m / 2
-        # Two cells more, for what rounding may do to a shift at the edge.
-        self._low = np.array([*(start - self.cell_m for start in low), bottom_m], np.float32)
-        rows, columns = (int(extent / self.cell_m) + 3 for extent in extents)
-        self._shape = (rows, columns)
+        # A cell more on each side, for what rounding may do to a shift at the edge.
+        first = np.floor(np.append(low, middle_m) / self.cell_m) - (1, 1, _NUM_LEVELS // 2)
+        self._low = (first * self.cell_m).astype(np.float32)
+        rows, columns = (np.floor(high / self.cell_m) - first[:2] + 2).astype(int)
+        self._shape = (int(rows), int(columns))
 
     def steps(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
         """(S,) offsets in column numbers of shifts (S, 2), in cells."""
