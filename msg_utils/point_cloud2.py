@@ -35,16 +35,15 @@ def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
 
 
 def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Copies the positions of all points that were measured.
+    """Copies the positions of all finite points.
 
     Coordinates must be FLOAT32 or FLOAT64: integers have no unit in the message. A cloud without
     points needs no fields.
 
     Returns:
         xyz: (N, 3) float32, metres, native byte order, C-contiguous, of its own memory. Points row
-            by row, without those of which x, y or z is NaN, infinite or beyond float32, and without
-            those exactly at the origin: drivers put them there where a ray does not return.
-        measured: (height * width,) bool, True for the N points of `xyz`: the mask of all columns.
+            by row, without those of which x, y or z is NaN, infinite or beyond float32.
+        finite: (height * width,) bool, True for the N points of `xyz`: the mask of all columns.
 
     Raises:
         MessageError: The cloud cannot be decoded, or has no x, y or z of a floating point type.
@@ -61,12 +60,10 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
             grid[..., axis] = points[name]
     xyz = grid.reshape(-1, 3)
     # Several times faster than `np.isfinite(xyz).all(axis=1)` and `xyz[finite]`.
-    measured = np.isfinite(xyz[:, 0])
-    measured &= np.isfinite(xyz[:, 1])
-    measured &= np.isfinite(xyz[:, 2])
-    at_origin = np.flatnonzero(xyz[:, 0] == 0)
-    measured[at_origin[~xyz[at_origin].any(axis=1)]] = False
-    return (xyz if measured.all() else np.compress(measured, xyz, axis=0)), measured
+    finite = np.isfinite(xyz[:, 0])
+    finite &= np.isfinite(xyz[:, 1])
+    finite &= np.isfinite(xyz[:, 2])
+    return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
 
 
 def encode_with_columns(

@@ -120,7 +120,7 @@ def recorded_sweeps(
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
-        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
+        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
         return replace(sweep, source=source)
 
     return _in_stamp_order(_decoded(reader, topic, findings, sweep_of))
