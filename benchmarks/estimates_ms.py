@@ -17,6 +17,7 @@ from typing import Final
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from frame import make_parser
 
 import mnsf_ros
 from mnsf_ros.methods import make_method
@@ -30,12 +31,16 @@ WARM_UP: Final = 4
 
 def main() -> None:
     """Prints the median."""
-    method, file, checkout = sys.argv[1:]
-    if not Path(mnsf_ros.__file__).is_relative_to(checkout):
-        sys.exit(f"{mnsf_ros.__file__} is measured, expected a file in {checkout}")
-    with np.load(file) as arrays:
+    parser = make_parser(__doc__, has_document=False)
+    parser.add_argument("method", metavar="METHOD")
+    parser.add_argument("sweeps", metavar="SWEEPS.npz")
+    parser.add_argument("checkout", metavar="CHECKOUT")
+    options = parser.parse_args()
+    if not Path(mnsf_ros.__file__).is_relative_to(options.checkout):
+        sys.exit(f"{mnsf_ros.__file__} is measured, expected a file in {options.checkout}")
+    with np.load(options.sweeps) as arrays:
         sweeps = [Sweep(arrays[key], INTERVAL_NS * int(key), "lidar") for key in arrays]
-    estimator = make_method(method, preset("online").changed({"compute.num_threads": 1}))
+    estimator = make_method(options.method, preset("online").changed({"compute.num_threads": 1}))
     stretch, times_ms = Stretch(), []
     for (previous, current), next_ in zip(pairwise(sweeps), sweeps[2:], strict=False):
         triplet = SweepTriplet(previous, current, next_, stretch=stretch)
