@@ -24,7 +24,7 @@ from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Stretch, Sweep, SweepTriplet
 
-INTERVAL_NS: Final = 100_000_000
+_INTERVAL_NS: Final = 100_000_000
 # The first estimates have cold caches and know nothing of the past.
 WARM_UP: Final = 4
 
@@ -39,7 +39,7 @@ def main() -> None:
     if not Path(mnsf_ros.__file__).is_relative_to(options.checkout):
         sys.exit(f"{mnsf_ros.__file__} is measured, expected a file in {options.checkout}")
     with np.load(options.sweeps) as arrays:
-        sweeps = [Sweep(arrays[key], INTERVAL_NS * int(key), "lidar") for key in arrays]
+        sweeps = [Sweep(arrays[key], _INTERVAL_NS * int(key), "lidar") for key in arrays]
     estimator = make_method(options.method, preset("online").changed({"compute.num_threads": 1}))
     stretch, times_ms = Stretch(), []
     for (previous, current), next_ in zip(pairwise(sweeps), sweeps[2:], strict=False):

@@ -32,7 +32,7 @@ from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects.confidence import doubtful_features, moving_features, standing_features
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.table import ObjectTable
+from mnsf_ros.objects.table import FITTED, ObjectTable
 from mnsf_ros.presets import preset
 
 _CLOSE_M: Final = 0.1
@@ -160,7 +160,8 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
     features = standing_features(truth.sweep.xyz[rows[standing]])
     ones = np.ones(len(standing))
     yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
-    yield "gate", _gate_samples(table.fitted, owners, _true_motion(truth, next_)[rows])
+    fitted = table.take(np.flatnonzero([verdict in FITTED for verdict in table.verdicts]))
+    yield "gate", _gate_samples(fitted, owners, _true_motion(truth, next_)[rows])
 
 
 def _true_motion(truth: TrueSweep, next_: TrueSweep) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from mnsf_ros.datasets.pose_frame import frame_of_points
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 from mnsf_ros.sweeps_io.files import as_type, new_file, reading
 
 # Units of stamps in the files of the extractors: Argoverse 2; ZOD; nuScenes, Waymo, TruckScenes.
@@ -28,7 +29,6 @@ _UNITS_NS: Final = (1, 100, 1000)
 _SECONDS: Final = (3e8, 3e9)
 # Between two sweeps of a lidar; of several units the one nearest to the usual interval counts.
 _INTERVALS_S: Final = (0.005, 5.0)
-_USUAL_INTERVAL_S: Final = 0.1
 # Pairs of sweeps that are compared with their poses.
 _NUM_COMPARED: Final = 30
 _STAMP: Final = re.compile("[0-9]{1,19}")
@@ -88,7 +88,7 @@ def stamps_ns(keys: Iterable[str]) -> dict[str, int]:
         return _INTERVALS_S[0] <= interval * unit_ns * 1e-9 <= _INTERVALS_S[1]
 
     def oddity(unit_ns: int) -> tuple[bool, bool, float]:
-        ratio = interval * unit_ns * 1e-9 / _USUAL_INTERVAL_S
+        ratio = interval * unit_ns * 1e-9 / USUAL_INTERVAL_S
         return not is_date(unit_ns), not is_lidar(unit_ns), abs(np.log(ratio or 1.0))
 
     unit_ns = min(_UNITS_NS, key=oddity)

@@ -123,7 +123,7 @@ def recorded_sweeps(
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
         return replace(sweep, source=source)
 
-    return _in_stamp_order(_decoded(reader, topic, findings, sweep_of))
+    return _decoded(reader, topic, findings, sweep_of)
 
 
 def recorded_poses(
@@ -135,13 +135,20 @@ def recorded_poses(
         stamp_ns = decode_stamp(message.header.stamp)
         return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
 
-    return _in_stamp_order(_decoded(reader, topic, findings, pose_of))
+    return _decoded(reader, topic, findings, pose_of)
 
 
 def _decoded(
     reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
 ) -> Iterator[Item | None]:
-    """Decoded messages with their times of reception, None for damage."""
+    """Decoded messages in the order of their stamps, see `_in_stamp_order`; None for damage."""
+    return _in_stamp_order(_as_received(reader, topic, findings, decode))
+
+
+def _as_received(
+    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
+) -> Iterator[Item | None]:
+    """Decoded messages in the order of the recording, None for damage."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             if item.is_memory:
@@ -238,7 +245,7 @@ def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[
     def cloud_of(message: Any, _: int) -> TruthCloud:  # noqa: ANN401 - a PointCloud2
         return TruthCloud(decode_stamp(message.header.stamp), message)
 
-    return filter(None, _in_stamp_order(_decoded(reader, topic, findings, cloud_of)))
+    return filter(None, _decoded(reader, topic, findings, cloud_of))
 
 
 class TruthTrack:

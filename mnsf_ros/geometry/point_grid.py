@@ -225,20 +225,20 @@ def _touching(
     are_touching = np.zeros((number, number), np.bool_)
     for row in range(len(places)):
         x, y, z = places[row]
-        seen = are_touching[owners[row]]
+        across, along, up = _cell(x), _cell(y), _cell(z)
+        are_met = are_touching[owners[row]]
         for by_x in range(-1, 2):
             for by_y in range(-1, 2):
                 for by_z in range(-1, 2):
-                    bucket = _hashed(_cell(x) + by_x, _cell(y) + by_y, _cell(z) + by_z)
-                    start = bucket & (len(starts) - 2)
-                    for other in range(starts[start], starts[start + 1]):
+                    bucket = _hashed(across + by_x, along + by_y, up + by_z) & (len(starts) - 2)
+                    for other in range(starts[bucket], starts[bucket + 1]):
                         dx, dy, dz = (
                             points[other, 0] - x,
                             points[other, 1] - y,
                             points[other, 2] - z,
                         )
                         if dx * dx + dy * dy + dz * dz <= REACH_M * REACH_M:
-                            seen[of_points[other]] = True
+                            are_met[of_points[other]] = True
     return are_touching
 
 

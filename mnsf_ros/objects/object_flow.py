@@ -144,7 +144,9 @@ class ObjectFlowEstimator:
         self, scene: Scene, movers: ObjectTable, seen: Sightings, heads: Heads
     ) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
-        seen.turn_rates[movers.groups] = turns_of(heads) / scene.usual_interval_s
+        turn_rates = np.zeros(len(seen))
+        turn_rates[movers.groups] = turns_of(heads) / scene.usual_interval_s
+        seen = replace(seen, turn_rates=turn_rates)
         stamp_ns = scene.current.sweep.stamp_ns
         tracks, ids = self._memory.follow(scene.tracks, seen, stamp_ns, scene.interval_s)
         return tracks, ids[movers.groups]

@@ -115,11 +115,6 @@ class ObjectTable(Rows):
         return self.take(self.open_rows)
 
     @property
-    def fitted(self) -> "ObjectTable":
-        """The objects whose motion was fitted, moving or not."""
-        return self.take(np.array([verdict in FITTED for verdict in self.verdicts]).nonzero()[0])
-
-    @property
     def doubtful(self) -> "ObjectTable":
         """The suspects that were not found to move, with those beyond the limit of the work."""
         is_open = self.verdicts == Verdict.DYNAMIC

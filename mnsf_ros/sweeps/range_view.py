@@ -100,7 +100,9 @@ def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
     return _directions(np.ascontiguousarray(xyz))[0] % NUM_AZIMUTHS
 
 
+@compiled("float32[::1](float32[::1])")
 def _margins(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (P,) metres, by how much places at ranges (P,) must be nearer than a return."""
     return np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
 
 
@@ -155,11 +157,12 @@ def _limits(
 ) -> NDArray[np.float32]:
     """Loop of `RangeView.limits_m`."""
     cells, ranges = _directions(positions)
+    margins = _margins(ranges)
     limits = np.empty(len(positions), np.float32)
     for row in range(len(positions)):
-        cell, distance = cells[row], ranges[row]
-        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * distance
-        is_unseen = nearest[cell] + margin < distance or beside[cell % NUM_AZIMUTHS]
+        cell = cells[row]
+        is_hidden = nearest[cell] + margins[row] < ranges[row]
+        is_unseen = is_hidden or beside[cell % NUM_AZIMUTHS]
         limits[row] = hidden_m if is_unseen else reach_m
         if between[cell // NUM_AZIMUTHS]:
             limits[row] = 0.0
