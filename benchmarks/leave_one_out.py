@@ -21,8 +21,8 @@ from frame import Table, make_parser, publish
 from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
-from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
-from mnsf_ros.objects.encoded_field import whole
+from mnsf_ros.online import decision, motions, object_flow, over_ground, scene, target
+from mnsf_ros.online.turning import whole
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface

@@ -23,17 +23,17 @@ from mnsf_ros.core.compute_device import (
 )
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.scene_flow_estimator import never
-from mnsf_ros.core.target_distance import TargetDistance
-from mnsf_ros.core.warm_networks import WarmNetworks
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
-from mnsf_ros.objects.motions import JudgedMotions, judge
-from mnsf_ros.objects.object_flow import ObjectFlowEstimator
-from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.scene import ReadySweeps, Scene
-from mnsf_ros.objects.suspects import are_worth_a_fit
-from mnsf_ros.objects.table import ObjectTable
-from mnsf_ros.objects.target import Target
+from mnsf_ros.networks.target_distance import TargetDistance
+from mnsf_ros.networks.warm_networks import WarmNetworks
+from mnsf_ros.online.motions import JudgedMotions, judge
+from mnsf_ros.online.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.object_sweep import ObjectSweep
+from mnsf_ros.online.scene import ReadySweeps, Scene
+from mnsf_ros.online.suspects import are_worth_a_fit
+from mnsf_ros.online.table import ObjectTable
+from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
 

@@ -32,7 +32,7 @@ from mnsf_ros.errors import (
 )
 from mnsf_ros.methods.external_flow import CommandEstimator, PredictionFiles
 from mnsf_ros.methods.references import ReferenceEstimator, ego_flow, estimated_ego_flow, zero_flow
-from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for, variant_of
 from mnsf_ros.settings import Settings
 

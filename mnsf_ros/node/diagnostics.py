@@ -14,7 +14,8 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.node.node_log import FaultLog
-from mnsf_ros.online.online_pipeline import (
+from mnsf_ros.settings import NodeSettings, Settings
+from mnsf_ros.stream.pipeline import (
     ESTIMATES_FAILED,
     FLOWS_OUT,
     SWEEPS_RECEIVED,
@@ -22,7 +23,6 @@ from mnsf_ros.online.online_pipeline import (
     TRIPLETS_UNWATCHED,
     StatisticsSnapshot,
 )
-from mnsf_ros.settings import NodeSettings, Settings
 from mnsf_ros.sweeps.sweep import Start
 
 CLOUDS_UNDECODABLE: Final = "clouds_undecodable"

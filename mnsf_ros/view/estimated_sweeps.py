@@ -13,9 +13,9 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import Findings, TruthTrack, recorded_sweeps, truth_clouds
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
 

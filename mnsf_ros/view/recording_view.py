@@ -11,11 +11,11 @@ from typing import Any, Final
 from mnsf_ros.core.reason_terms import rows_at
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.recordings import short_name
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import (
     LAYERS,

@@ -13,15 +13,15 @@ import pytest
 import torch
 from box_street import BoxStreet, pose, stamp_ns, triplets_of
 
-from mnsf_ros.core import optimization
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.core.scene_flow_estimator import never
-from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import live_fit, live_mnsf, make_method
-from mnsf_ros.online.stream import Stream
+from mnsf_ros.networks import optimization
+from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.presets import preset
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
 
 STREET = BoxStreet()
