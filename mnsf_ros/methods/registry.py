@@ -181,7 +181,7 @@ def _of_package(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     except (Exception, SystemExit) as error:
         text = f"{source}: {plug_in.value!r} cannot be made: {one_line(error)}"
         raise MethodError(text) from error
-    parts = ("estimate", "with_settings", "settings", "traits")
+    parts = ("estimate", "renewed", "settings", "traits")
     missing = [name for name in parts if not hasattr(estimator, name)]
     if missing or not isinstance(estimator.traits, MethodTraits):
         raise MethodError(

@@ -1,8 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Memory from one estimate to the next: the tracks, and which of them go on."""
 
-from collections.abc import Sequence
-from itertools import count
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,37 +9,28 @@ from scipy.optimize import linear_sum_assignment
 
 from mnsf_ros.online.sightings import Sightings
 from mnsf_ros.online.tracks import MIN_SHARE, Track, alive, corrected, expecting_shares
-from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch
+from mnsf_ros.settings import WarmStartSettings
+from mnsf_ros.sweeps.sweep import Start
 
 
 class MotionMemory:
-    """Remembers movers as long as the stretch of the stream goes on."""
+    """Remembers movers.
 
-    def __init__(self, settings: Settings) -> None:
+    Attributes:
+        numbers: Those of tracks that begin.
+    """
+
+    def __init__(self, settings: WarmStartSettings, numbers: Iterator[int]) -> None:
         self._settings = settings
-        self._stretch: Stretch | None = None
         self._tracks: list[Track] | None = None
-        self._next_id = 1
+        self.numbers = numbers
 
-    def with_settings(self, settings: Settings, *, is_same_world: bool) -> "MotionMemory":
-        """Returns a memory for other settings.
-
-        It keeps the tracks if the world frame and the preparation of sweeps stay the same.
-        """
-        other = MotionMemory(settings)
-        other._next_id = self._next_id
-        if is_same_world:
-            other._stretch, other._tracks = self._stretch, self._tracks
-        return other
-
-    def enter(self, stretch: Stretch) -> Start:
-        """Forgets the tracks of another stretch. Returns where the estimate starts."""
-        if stretch is not self._stretch:
-            self._stretch, self._tracks = stretch, None
-        if not self._settings.warm_start.enabled:
+    @property
+    def start(self) -> Start:
+        """Where the next estimate starts."""
+        if not self._settings.enabled:
             return Start.COLD_BY_SETTING
-        return stretch.start if self._tracks is None else Start.WARM
+        return Start.COLD_FIRST if self._tracks is None else Start.WARM
 
     def follow(
         self, expected: Sequence[Track], seen: Sightings, stamp_ns: int, interval_s: float
@@ -56,9 +46,8 @@ class MotionMemory:
         Returns:
             The tracks, and (G,) the number of the track of each of the things that were seen.
         """
-        tracks, ids = follow(expected, seen, stamp_ns, self._next_id)
-        self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
-        if self._settings.warm_start.enabled and interval_s > 0:
+        tracks, ids = follow(expected, seen, stamp_ns, self.numbers)
+        if self._settings.enabled and interval_s > 0:
             self._tracks = tracks
         return tracks, ids
 
@@ -70,7 +59,7 @@ class MotionMemory:
 
 
 def follow(
-    tracks: Sequence[Track], seen: Sightings, stamp_ns: int, next_id: int
+    tracks: Sequence[Track], seen: Sightings, stamp_ns: int, numbers: Iterator[int]
 ) -> tuple[list[Track], NDArray[np.int64]]:
     """Returns the tracks after a sweep, and (G,) the number of the track of each of G things.
 
@@ -78,14 +67,13 @@ def follow(
         tracks: The tracks before, predicted to this sweep.
         seen: G things that move, or may move.
         stamp_ns: Time of the sweep.
-        next_id: Number of the first track that begins here.
+        numbers: Those of tracks that begin here.
     """
     shares = expecting_shares(tracks, seen.points, seen.owners, len(seen))
     is_possible = shares > MIN_SHARE
     things, rows = _assigned(tracks, seen, shares, is_possible)
     after = corrected([tracks[row] for row in rows], seen.states[things], seen.variances[things])
     track_of = dict(zip(things.tolist(), after, strict=True))
-    numbers = count(next_id)
     followed = []
     for thing, points in enumerate(seen.points_of_each):
         track = track_of.get(thing) or Track.begun(

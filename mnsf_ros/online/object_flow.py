@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method: from three sweeps to the flow of the middle one, step by step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count
 from typing import TypeVar
 
 import numpy as np
@@ -43,8 +44,12 @@ class ObjectFlowEstimator:
         traits: It uses three sweeps, or two where there is no previous one.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, track_numbers: Iterator[int] | None = None) -> None:
         """Makes an estimator that has seen nothing yet.
+
+        Args:
+            settings: Its settings.
+            track_numbers: Numbers of tracks that begin; default: from 1.
 
         Raises:
             SettingsError: If the device in the settings is not available.
@@ -58,15 +63,11 @@ class ObjectFlowEstimator:
             max_gap_s=settings.ego_motion.max_gap_s,
         )
         self._sweeps = PreparedSweeps(settings)
-        self._memory = MotionMemory(settings)
+        self._memory = MotionMemory(settings.warm_start, track_numbers or count(1))
 
-    def with_settings(self: _Own, settings: Settings) -> _Own:
-        """An estimator with other settings; it keeps all state that still holds."""
-        other = type(self)(settings)
-        is_same_world = self._sweeps.are_same_for(settings)
-        other._sweeps = self._sweeps.with_settings(settings)
-        other._memory = self._memory.with_settings(settings, is_same_world=is_same_world)
-        return other
+    def renewed(self: _Own, settings: Settings) -> _Own:
+        """An estimator that has seen nothing yet; its tracks get other numbers than these."""
+        return type(self)(settings, self._memory.numbers)
 
     def prepare(self, triplet: SweepTriplet) -> ReadySweeps:
         """Makes the sweeps of a triplet ready: ego motion, crop, ground, objects.
@@ -98,7 +99,7 @@ class ObjectFlowEstimator:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
-            start = self._memory.enter(triplet.stretch)
+            start = self._memory.start
             tracks = self._memory.expected(triplet.current.stamp_ns, triplet.interval_s)
             scene = Scene.of(triplet, ready, tracks, start, self.settings.objects)
         with clock.stage("objects"):

@@ -13,7 +13,7 @@ from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.target import Target, Targets
 from mnsf_ros.online.tracks import Track
 from mnsf_ros.settings import ObjectSettings, Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Sweep, SweepTriplet
 
 # Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
 # much; within the second a slow pedestrian moves by more than the noise.
@@ -82,25 +82,7 @@ class PreparedSweeps:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._poses = SensorPoses(settings.ego_motion)
-        self._stretch: Stretch | None = None
         self._sweeps: dict[Sweep, ObjectSweep] = {}
-
-    def with_settings(self, settings: Settings) -> "PreparedSweeps":
-        """Returns the same for other settings, with all state that is still valid.
-
-        World and poses depend on `ego_motion` only, the rest on all settings `of_preparation`. The
-        two share state: only one of them may prepare further sweeps.
-        """
-        other = PreparedSweeps(settings)
-        if settings.ego_motion == self._settings.ego_motion:
-            other._poses = self._poses
-            if self.are_same_for(settings):
-                other._stretch, other._sweeps = self._stretch, self._sweeps
-        return other
-
-    def are_same_for(self, settings: Settings) -> bool:
-        """Whether other settings prepare sweeps in the same way."""
-        return settings.of_preparation == self._settings.of_preparation
 
     def ready(self, triplet: SweepTriplet) -> ReadySweeps:
         """Prepares the sweeps of a triplet that are not ready yet.
@@ -109,12 +91,9 @@ class PreparedSweeps:
             SweepError: If too few points of one are left.
         """
         start_s = time.perf_counter()
-        if triplet.stretch is not self._stretch:
-            self._stretch = triplet.stretch
-            self._sweeps.clear()
         sweeps = (*triplet.before[:1], triplet.current, triplet.next)
         # All poses first: how the sensor moved in the first sweep is known from the second one.
-        for sweep, pose in self._poses.of(sweeps, triplet.stretch).items():
+        for sweep, pose in self._poses.of(sweeps).items():
             if sweep not in self._sweeps:
                 self._add(sweep, pose)
         of_triplet = tuple(self._sweeps[sweep] for sweep in sweeps)

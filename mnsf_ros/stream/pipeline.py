@@ -11,7 +11,7 @@ import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
-from mnsf_ros.errors import CancelledError, MnsfError, OvertakenError
+from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.stream.stream import PreparedTriplet, Stream
@@ -48,6 +48,7 @@ class TripletJob:
     """A triplet that waits for its estimate."""
 
     triplet: SweepTriplet
+    stream: Stream
     arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
 
 
@@ -94,7 +95,7 @@ class StreamPipeline:
         return sum(worker.load for worker in self._workers)
 
     def change_settings(self, settings: Settings) -> None:
-        """Lets other settings hold from the next estimate on.
+        """Lets other settings hold from the next preparation on.
 
         One that is under way for long is abandoned: it could last for hours.
 
@@ -105,7 +106,7 @@ class StreamPipeline:
 
     def reset(self) -> None:
         """Forgets all sweeps and all state. An estimate under way is abandoned."""
-        self._stream.reset()
+        self._stream = Stream(self._stream.settings, after=self._stream)
         for worker in self._workers:
             if num_forgotten := worker.forget():
                 self.statistics.count(TRIPLETS_ABANDONED, num_forgotten)
@@ -124,7 +125,7 @@ class StreamPipeline:
             self.statistics.count(TRIPLETS_FORMED)
             if not is_watched:
                 self.statistics.count(TRIPLETS_UNWATCHED)
-            elif self._preparing.submit(TripletJob(triplet, arrived_ns)):
+            elif self._preparing.submit(TripletJob(triplet, self._stream, arrived_ns)):
                 self.statistics.count(TRIPLETS_DROPPED)
         return arrival
 
@@ -143,25 +144,23 @@ class StreamPipeline:
         )
 
     def _prepare(self, job: TripletJob) -> None:
-        if self._estimating.submit((job, self._stream.prepare(job.triplet))):
+        if self._estimating.submit((job, job.stream.prepare(job.triplet))):
             self.statistics.count(TRIPLETS_DROPPED)
 
     def _estimate(self, work: tuple[TripletJob, PreparedTriplet]) -> None:
         job, prepared = work
-        settings, started_s = self._stream.settings, time.monotonic()
+        started_s = time.monotonic()
 
         def is_abandoned() -> bool:
             is_long = time.monotonic() - started_s > _ABANDONED_AFTER_S
-            is_outdated = self._stream.settings is not settings and is_long
-            is_reset = self._stream.is_before_reset(job.triplet)
+            is_outdated = job.stream.settings is not prepared.settings and is_long
+            is_reset = job.stream is not self._stream
             return self._estimating.is_closing or is_outdated or is_reset
 
         try:
             if is_abandoned():
                 raise CancelledError("the triplet was abandoned")
-            estimate = self._stream.estimate(prepared, is_abandoned)
-        except OvertakenError:
-            self.statistics.count(TRIPLETS_DROPPED)
+            estimate = job.stream.estimate(prepared, is_abandoned)
         except CancelledError:
             self.statistics.count(TRIPLETS_ABANDONED)
         except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream

@@ -1,7 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A stream of sweeps to a stream of flows. Live and offline, everything goes through here."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -14,11 +13,11 @@ from mnsf_ros.core.scene_flow_estimator import (
     SceneFlowEstimator,
     never,
 )
-from mnsf_ros.errors import OvertakenError, SettingsError
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
 _STARTS: Final = {
@@ -34,14 +33,18 @@ class PreparedTriplet:
     """A triplet between the two halves of its estimate; never changed.
 
     Attributes:
-        triplet: The triplet, with the stretch of the stream that it is part of.
-        estimator: The owner of the preparation.
+        triplet: The triplet.
+        estimator: The one that prepared it, and estimates.
+        settings: Of the stream at that time.
+        start: Why the estimator began with an earlier triplet, or with this one.
         content: The preparation; None if the estimator prepares nothing.
         error: Why there is no flow for it.
     """
 
     triplet: SweepTriplet
     estimator: SceneFlowEstimator
+    settings: Settings
+    start: Start
     content: Any = None
     error: BaseException | None = None
 
@@ -55,21 +58,28 @@ class Stream:
     """Takes sweeps in the order of time and gives the flow of the one before the newest.
 
     It owns what continuity means: which sweeps form a triplet (`SweepBuffer`), and whether a method
-    may build on the triplets before (`Stretch`). A stretch ends where time goes back, `frame_id`
-    changes, the stream is reset, or the method gets no triplet for longer than its `max_gap_s`.
+    may build on the triplets before. An estimator lives for one stretch without a break. A renewed
+    one goes on where time goes back, `frame_id` changes, the method gets no triplet for longer than
+    its `max_gap_s`, or a setting of the estimates changes.
 
     `push` does everything in one thread. Its three parts may also have one thread each: `add`,
     `prepare` and `estimate`. `prepare` takes triplets in their order; those that are dropped
-    between two parts are simply not handed on. `change_settings` and `reset` are for the thread
-    that adds.
+    between two parts are simply not handed on. `change_settings` is for the thread that adds.
 
     Attributes:
         triplet: The triplet that the newest sweep completes, if any.
-        settings: They hold from the next estimate on.
+        settings: They hold from the next preparation on.
     """
 
-    def __init__(self, settings: Settings, method: str = "") -> None:
-        """Starts without any sweep. `method` defaults to the settings' `method.name`.
+    def __init__(
+        self, settings: Settings, method: str = "", *, after: "Stream | None" = None
+    ) -> None:
+        """Starts without any sweep.
+
+        Args:
+            settings: They can be changed.
+            method: Its name; default: `method.name` of the settings.
+            after: A stream of the same method that this one replaces.
 
         Raises:
             SettingsError: There is no such method, or the settings ask for a device that is not
@@ -79,18 +89,15 @@ class Stream:
         self.settings = settings
         self.method: Final = method or settings.method.name
         self.triplet: SweepTriplet | None = None
-        # Of the triplets that are formed; breaks between them are found when they are prepared.
-        self._since_reset = Stretch()
-        self._estimator = make_method(self.method, settings)
+        self._estimator = (
+            make_method(self.method, settings) if after is None else after._renewed(settings)
+        )
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
-        self._adapted_to = settings
-        # The estimator as it was before the newest triplet, see `repeat`.
-        self._before: SceneFlowEstimator | None = None
-        # Guards what follows, and the part of the estimator that prepares.
-        self._preparation = threading.Lock()
-        self._prepared_by = self._estimator
+        # What follows belongs to the preparation.
         self._last: SweepTriplet | None = None
-        self._stretch = Stretch()
+        self._prepared_with = settings
+        self._start = Start.COLD_FIRST
+        self._break: Start | None = None
 
     @property
     def traits(self) -> MethodTraits:
@@ -104,26 +111,7 @@ class Stream:
             MnsfError: There is no flow for this triplet; the stream goes on.
         """
         self.add(sweep)
-        if self.triplet is None:
-            return None
-        if isinstance(self._estimator, PreparingEstimator):
-            self._before = self._with_settings(self._estimator, self._adapted_to)
-        return self.flow_of(self.triplet, cancelled)
-
-    def repeat(self, cancelled: Callable[[], bool] = never) -> FlowEstimate | None:
-        """The flow of the last push again, with the settings that hold by now.
-
-        Earlier sweeps keep what was estimated then. None before the first flow, and for methods
-        that cannot go back.
-
-        Raises:
-            MnsfError: There is no flow for this triplet; the stream goes on.
-        """
-        if self._before is None or self.triplet is None:
-            return None
-        self._estimator = self._with_settings(self._before, self.settings)
-        self._adapted_to = self.settings
-        return self.flow_of(self.triplet, cancelled)
+        return None if self.triplet is None else self.flow_of(self.triplet, cancelled)
 
     def flow_of(self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never) -> FlowEstimate:
         """Both halves of the estimate of a triplet, one after the other.
@@ -135,12 +123,11 @@ class Stream:
 
     def add(self, sweep: Sweep) -> Arrival:
         """Adds the newest sweep to the buffer, see `triplet`. Returns how it follows the last."""
-        arrival, triplet = self._buffer.push(sweep, self.settings.buffer)
-        self.triplet = None if triplet is None else replace(triplet, stretch=self._since_reset)
+        arrival, self.triplet = self._buffer.push(sweep, self.settings.buffer)
         return arrival
 
     def change_settings(self, settings: Settings) -> None:
-        """Lets other settings hold from the next estimate on. The method stays.
+        """Lets other settings hold from the next preparation on. The method stays.
 
         Raises:
             SettingsError: If they ask for another method, for a device that is not there, or for
@@ -155,25 +142,23 @@ class Stream:
         if settings != self.settings:
             self.settings = settings
 
-    def reset(self) -> None:
-        """Forgets all sweeps; the next triplet starts from scratch."""
-        self._buffer.clear()
-        self.triplet = None
-        self._since_reset = Stretch()
-
-    def is_before_reset(self, triplet: SweepTriplet) -> bool:
-        """Whether the stream was reset since it formed a triplet."""
-        return triplet.stretch is not self._since_reset
-
     def prepare(self, triplet: SweepTriplet) -> PreparedTriplet:
         """The first half of an estimate: work that each sweep needs once.
 
         An error is kept until it is the triplet's turn.
         """
-        with self._preparation:
-            triplet = replace(triplet, stretch=self._stretch_of(triplet))
-            self._prepared_by = self._estimator
-            return _prepared(triplet, self._estimator)
+        settings, content, failure = self.settings, None, None
+        self._break = self._break_before(triplet, settings) or self._break
+        self._last, self._prepared_with = triplet, settings
+        try:
+            if self._break is not None:
+                self._estimator = self._renewed(settings)
+                self._start, self._break = self._break, None
+            if isinstance(self._estimator, PreparingEstimator):
+                content = self._estimator.prepare(triplet)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
+            failure = error
+        return PreparedTriplet(triplet, self._estimator, settings, self._start, content, failure)
 
     def estimate(
         self, prepared: PreparedTriplet, cancelled: Callable[[], bool] = never
@@ -181,58 +166,36 @@ class Stream:
         """The second half of an estimate.
 
         Raises:
-            OvertakenError: A newer triplet was prepared with other settings meanwhile.
             CancelledError: If `cancelled` returns True.
             MnsfError: There is no flow for this triplet; the stream goes on.
         """
-        adapted = self._adapted(prepared)
-        if adapted.error is not None:
-            raise adapted.error
-        estimator = adapted.estimator
+        if prepared.error is not None:
+            raise prepared.error
+        estimator = prepared.estimator
         if isinstance(estimator, PreparingEstimator):
-            return estimator.estimate(adapted.triplet, cancelled, adapted.content)
-        return estimator.estimate(adapted.triplet, cancelled)
+            estimate = estimator.estimate(prepared.triplet, cancelled, prepared.content)
+        else:
+            estimate = estimator.estimate(prepared.triplet, cancelled)
+        if estimate.start is Start.COLD_FIRST:
+            estimate = replace(estimate, start=prepared.start)
+        return estimate
 
-    def _with_settings(
-        self, estimator: SceneFlowEstimator, settings: Settings
-    ) -> SceneFlowEstimator:
-        """Another estimator with the same memory."""
-        return estimator.with_settings(settings_for(self.method, settings))
+    def _renewed(self, settings: Settings) -> SceneFlowEstimator:
+        """An estimator that has seen nothing."""
+        return self._estimator.renewed(settings_for(self.method, settings))
 
-    def _stretch_of(self, triplet: SweepTriplet) -> Stretch:
-        """The stretch of a triplet, which begins with it if it does not continue the last one."""
-        last, self._last = self._last, triplet
-        if last is None or last.stretch is not triplet.stretch:
-            self._stretch = Stretch(Start.COLD_FIRST)
-        elif last.next not in triplet.sweeps:
+    def _break_before(self, triplet: SweepTriplet, settings: Settings) -> Start | None:
+        """Why a triplet does not continue the one prepared before it; None if it does."""
+        last, before = self._last, self._prepared_with
+        if last is not None and last.next not in triplet.sweeps:
             first = triplet.current if triplet.previous is None else triplet.previous
             arrival = Arrival.of(first, last.next, self.traits.max_gap_s)
             if arrival is not Arrival.ACCEPTED:
-                self._stretch = Stretch(_STARTS[arrival])
-        return self._stretch
-
-    def _adapted(self, prepared: PreparedTriplet) -> PreparedTriplet:
-        """The triplet prepared with the settings that hold by now."""
-        settings = self.settings
-        if settings is self._adapted_to and prepared.estimator is self._estimator:
-            return prepared
-        with self._preparation:
-            if settings is not self._adapted_to:
-                self._estimator = self._with_settings(self._estimator, settings)
-                self._adapted_to = settings
-            # By another estimator than this triplet: a newer one came between with other settings.
-            is_overtaken = self._prepared_by is not prepared.estimator
-            if is_overtaken and isinstance(self._estimator, PreparingEstimator):
-                # Sweeps can be prepared in their order only.
-                raise OvertakenError("a newer triplet was prepared with other settings")
-            # Under the same lock: the next triplet is prepared after this one.
-            return _prepared(prepared.triplet, self._estimator)
-
-
-def _prepared(triplet: SweepTriplet, estimator: SceneFlowEstimator) -> PreparedTriplet:
-    if not isinstance(estimator, PreparingEstimator):
-        return PreparedTriplet(triplet, estimator)
-    try:
-        return PreparedTriplet(triplet, estimator, estimator.prepare(triplet))
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
-        return PreparedTriplet(triplet, estimator, error=error)
+                return _STARTS[arrival]
+        are_same = settings is before or (
+            settings_for(self.method, settings).of_estimates
+            == settings_for(self.method, before).of_estimates
+        )
+        if are_same:
+            return None
+        return Start.COLD_FIRST if last is None else Start.COLD_SETTINGS

@@ -47,8 +47,6 @@ def estimated_sweeps(
         for damage in [*findings.damages][num_warned:]:
             warn(str(damage))
             num_warned += 1
-        if sweep is None:
-            stream.reset()
         if sweep is None or len(sweep) == 0:
             continue
         number = next(numbers)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 import pytest
 from box_street import BoxStreet, pose
@@ -14,7 +16,7 @@ from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.scene import PreparedSweeps
 from mnsf_ros.online.sightings import Sightings
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet
+from mnsf_ros.sweeps.sweep import SweepTriplet
 
 STREET = BoxStreet()
 SETTINGS = Settings()
@@ -28,15 +30,12 @@ class Seen:
     """A memory, and the sweeps that it is about."""
 
     def __init__(self, settings=SETTINGS):
-        self.memory = MotionMemory(settings)
+        self.memory = MotionMemory(settings.warm_start, count(1))
         self._sweeps = PreparedSweeps(settings)
 
-        self._stretch = Stretch()
-
     def ready(self, index):
-        """A sweep made ready, whose stretch the memory has entered."""
-        pair = SweepTriplet(None, sweep(index), sweep(index + 0.01), stretch=self._stretch)
-        self.memory.enter(self._stretch)
+        """A sweep made ready."""
+        pair = SweepTriplet(None, sweep(index), sweep(index + 0.01))
         return self._sweeps.ready(pair).of_triplet[0]
 
 

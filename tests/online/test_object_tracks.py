@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -41,15 +42,14 @@ class Follower:
     """Follows what it is shown, ten sweeps a second."""
 
     def __init__(self):
-        self.tracks, self.next_id, self.now_ns = [], 1, 0
+        self.tracks, self.numbers, self.now_ns = [], count(1), 0
 
     def see(self, *centers, **how):
         """The numbers of the tracks of the boxes at these places, one sweep later."""
         self.now_ns += round(INTERVAL_S * 1e9)
         expected = alive(self.tracks, self.now_ns)
         sightings = seen(*centers, **how)
-        self.tracks, ids = follow(expected, sightings, self.now_ns, self.next_id)
-        self.next_id = max([self.next_id, *(ids + 1)])
+        self.tracks, ids = follow(expected, sightings, self.now_ns, self.numbers)
         return ids.tolist()
 
 
@@ -84,7 +84,7 @@ class TestIdentity:
         points[-8:, 0] += 2  # a side of it comes into view
         parts = replace(parts, points=points, owners=np.sort(~is_end).astype(np.int64))
         now_ns = follower.now_ns + 10**8
-        _, ids = follow(alive(follower.tracks, now_ns), parts, now_ns, 2)
+        _, ids = follow(alive(follower.tracks, now_ns), parts, now_ns, count(2))
         assert ids.tolist() == [2, 1]
 
     def test_of_two_that_meet_stays_with_each(self):

@@ -8,11 +8,10 @@ import itertools
 import pytest
 from box_street import BoxStreet, pose, stamp_ns, unrelated_sweep
 
-from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import SweepError
 from mnsf_ros.online.scene import PreparedSweeps
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()
 SETTINGS = Settings()
@@ -22,14 +21,14 @@ def sweep(index, **how):
     return STREET.sweep(pose(0.5 * index, yaw_deg=2 * index), index, points_per_box=100, **how)
 
 
-def pairs_of(sweeps, stretch):
-    return [SweepTriplet(None, *pair, stretch=stretch) for pair in itertools.pairwise(sweeps)]
+def pairs_of(sweeps):
+    return [SweepTriplet(None, *pair) for pair in itertools.pairwise(sweeps)]
 
 
 def past_after(*indices, interval_s=0.1):
     """The last one of these sweeps made ready, and those that it looks back at."""
     prepared = PreparedSweeps(SETTINGS)
-    for pair in pairs_of([sweep(index) for index in indices], Stretch()):
+    for pair in pairs_of([sweep(index) for index in indices]):
         ready = prepared.ready(pair)
     return ready.last[-1], ready.past(ready.last[-1], interval_s)
 
@@ -64,25 +63,15 @@ class TestPast:
 
     def test_reaches_no_farther_than_where_registration_failed(self):
         """Where the sensor was before that, beside where it is now, nobody knows."""
-        prepared, stretch = PreparedSweeps(SETTINGS), Stretch()
+        prepared = PreparedSweeps(SETTINGS)
         sweeps = [unrelated_sweep(3) if index == 3 else sweep(index) for index in range(8)]
         found = {}
-        for pair in pairs_of(sweeps, stretch):
+        for pair in pairs_of(sweeps):
             ready = prepared.ready(pair)
             past = ready.past(ready.last[-1], interval_s=0.1)
             found[pair.next.stamp_ns] = [item.sweep.sweep.stamp_ns for item in past]
         for index, expected in ((4, []), (5, []), (6, [4]), (7, [4])):
             assert found[stamp_ns(index)] == list(map(stamp_ns, expected))
-
-    def test_reaches_no_farther_than_the_stretch(self):
-        prepared = PreparedSweeps(SETTINGS)
-        first, second = (
-            SweepTriplet(*map(sweep, ii), stretch=Stretch()) for ii in ((0, 1, 2), (3, 4, 5))
-        )
-        prepared.ready(first)
-        ready = prepared.ready(second)
-        assert [each.sweep for each in ready.last] == list(second.sweeps)
-        assert ready.last[0].pose.source is EgoSource.START
 
 
 class TestReady:
@@ -94,11 +83,11 @@ class TestReady:
 
     def test_results_do_not_change(self):
         """Another thread estimates with it while later sweeps are made ready."""
-        prepared, stretch = PreparedSweeps(SETTINGS), Stretch()
-        ready = prepared.ready(SweepTriplet(sweep(0), sweep(1), sweep(2), stretch=stretch))
+        prepared = PreparedSweeps(SETTINGS)
+        ready = prepared.ready(SweepTriplet(sweep(0), sweep(1), sweep(2)))
         before = ready.last
-        prepared.ready(SweepTriplet(None, sweep(3), sweep(4), stretch=stretch))
-        prepared.ready(SweepTriplet(None, sweep(5), sweep(6), stretch=Stretch()))
+        prepared.ready(SweepTriplet(None, sweep(3), sweep(4)))
+        prepared.ready(SweepTriplet(None, sweep(5), sweep(6)))
         assert ready.last is before
         assert ready.of_triplet == before
         assert len(before) == 3

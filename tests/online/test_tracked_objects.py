@@ -139,12 +139,12 @@ class TestIdentity:
         assert car_of(known[0]).track_id == car_of(known[-1]).track_id
         assert 1 not in known[4].track_ids
 
-    def test_goes_on_with_other_settings_of_objects(self):
+    def test_of_a_renewed_estimator_have_other_numbers(self):
         sweeps = drive(8)
         triplets = list(triplets_of(sweeps))
         estimator = ObjectFlowEstimator(SETTINGS)
         first = [estimator.estimate(each).over_ground for each in triplets[:3]]
-        other = estimator.with_settings(SETTINGS.changed({"objects.cell_size_m": 0.3}))
+        other = estimator.renewed(SETTINGS)
         later = car_of(other.estimate(triplets[3]).over_ground).track_id
         assert later not in {each.track_id for known in first for each in known.objects}
 

@@ -8,7 +8,7 @@ import pytest
 
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 HALF_WIDTH_M, FLOOR_M, CEILING_M, REACH_M = 4.0, -1.8, 2.5, 45.0
 SPEED_M, NOISE_M, NUM_SWEEPS = 0.9, 0.02, 12
@@ -46,9 +46,8 @@ def test_a_bare_tunnel_has_hardly_any_movers(elevations_deg, most):
     rays = directions(elevations_deg)
     sweeps = [tunnel_sweep(index, rays) for index in range(NUM_SWEEPS)]
     settings = Settings().changed({"ego_motion.source": "odometry"})
-    estimator, stretch = ObjectFlowEstimator(settings), Stretch(Start.COLD_FIRST)
-    movers = []
+    estimator, movers = ObjectFlowEstimator(settings), []
     for three in zip(sweeps, sweeps[1:], sweeps[2:], strict=False):
-        over_ground = estimator.estimate(SweepTriplet(*three, stretch=stretch)).over_ground
+        over_ground = estimator.estimate(SweepTriplet(*three)).over_ground
         movers.append(len(over_ground.objects))
     assert np.mean(movers[3:]) <= most

@@ -8,7 +8,7 @@ from box_street import CAR, BoxStreet, box_points, pose, stamp_ns
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()
 # The boxes have fewer points than real objects.
@@ -38,10 +38,10 @@ def sweep(index, motion):
 
 def drive(motion, number):
     """The estimates of a drive, and the mean errors of each over the car, metres."""
-    estimator, stretch = ObjectFlowEstimator(SETTINGS), Stretch(Start.COLD_FIRST)
+    estimator = ObjectFlowEstimator(SETTINGS)
     for index in range(1, number + 1):
         sweeps = (sweep(index + step, motion) for step in (-1, 0, 1))
-        triplet = SweepTriplet(*sweeps, stretch=stretch)
+        triplet = SweepTriplet(*sweeps)
         estimate = estimator.estimate(triplet)
         yield estimate, error_of_car(estimate, triplet.current, index, motion)
 

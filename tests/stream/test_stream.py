@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from box_street import BoxStreet, pose
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import SettingsError
-from mnsf_ros.settings import Settings
+from mnsf_ros.errors import SettingsError, SweepError
 from mnsf_ros.stream import stream as stream_module
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Start, SweepTriplet
@@ -26,18 +24,20 @@ class ShortMemory:
     def __init__(self, _name, settings):
         self.settings = settings
         self.traits = MethodTraits(num_sweeps=3, carries_state=True, max_gap_s=1.0)
-        self._stretch = None
+        self._start = Start.COLD_FIRST
 
-    def with_settings(self, settings):
-        other = ShortMemory("", settings)
-        other._stretch = self._stretch
-        return other
+    def renewed(self, settings):
+        return ShortMemory("", settings)
 
     def estimate(self, triplet, _cancelled=never):
-        start = Start.WARM if triplet.stretch is self._stretch else triplet.stretch.start
-        self._stretch = triplet.stretch
         flow = np.zeros_like(triplet.current.xyz)
-        return FlowEstimate(flow, np.ones(len(flow), bool), start=start)
+        estimate = FlowEstimate(flow, np.ones(len(flow), bool), start=self._start)
+        self._start = Start.WARM
+        return estimate
+
+
+def failing(_settings):
+    raise SweepError("none to be had")
 
 
 @pytest.fixture
@@ -68,24 +68,6 @@ def test_flow_of_the_sweep_before_the_newest(quick_settings, make_sweep, motion)
         assert np.median(np.linalg.norm(flow - motion, axis=1)) < 0.1
 
 
-def test_the_last_flow_again_with_other_settings():
-    street = BoxStreet()
-    sweeps = [street.sweep(pose(), index, cars=[(-8 + 0.8 * index, 2.5)]) for index in range(6)]
-    plain, stream = Stream(Settings()), Stream(Settings())
-    assert stream.repeat() is None
-    for sweep in sweeps[:5]:
-        plain.push(sweep)
-        usual = stream.push(sweep)
-    stream.change_settings(Settings().changed({"objects.min_points": 1000}))
-    assert not stream.repeat().over_ground.dynamic.any()
-    stream.change_settings(Settings())
-    again = stream.repeat()
-    assert again.over_ground.objects[0].age_s == usual.over_ground.objects[0].age_s > 0
-    for seen, wanted in ((again, usual), (stream.push(sweeps[5]), plain.push(sweeps[5]))):
-        np.testing.assert_array_equal(seen.flow, wanted.flow)
-        np.testing.assert_array_equal(seen.over_ground.track_ids, wanted.over_ground.track_ids)
-
-
 class TestStretch:
     def test_goes_on_from_sweep_to_sweep(self, short, push):
         assert push(short, 0, 1, 2, 3, 4) == [None, None, Start.COLD_FIRST, Start.WARM, Start.WARM]
@@ -114,18 +96,29 @@ class TestStretch:
             last = replace(make_sweep(0), stamp_ns=newest + num_unwatched * 10**8)
             assert short.push(last).start is start
 
-    def test_ends_with_a_reset(self, short, push):
-        push(short, 0, 1, 2, 3)
-        before = short.triplet
-        short.reset()
-        assert short.is_before_reset(before)
-        assert push(short, 4, 5, 6, 7) == [None, None, Start.COLD_FIRST, Start.WARM]
-        assert not short.is_before_reset(short.triplet)
-
-    def test_holds_over_other_settings(self, short, push, quick_settings):
+    def test_ends_where_settings_of_the_estimates_change(self, short, push):
         push(short, 0, 1, 2)
-        short.change_settings(quick_settings.changed({"crop.max_range_m": 50.0}))
-        assert push(short, 3) == [Start.WARM]
+        for number, (change, start) in enumerate(
+            (
+                ({"crop.max_range_m": 50.0}, Start.COLD_SETTINGS),
+                ({"output.rgb": False}, Start.WARM),
+                ({"buffer.max_interval_s": 0.4}, Start.WARM),
+                ({"ego_motion.thinning_m": 0.4}, Start.COLD_SETTINGS),
+            ),
+            start=3,
+        ):
+            short.change_settings(short.settings.changed(change))
+            assert push(short, number) == [start]
+
+    def test_ends_although_the_next_triplet_fails(self, short, push, make_sweep):
+        push(short, 0, 1, 2)
+        for index in (13, 14):
+            short.add(make_sweep(index))
+        stays, short._estimator.renewed = short._estimator.renewed, failing
+        with pytest.raises(SweepError, match="none to be had"):
+            push(short, 15)
+        short._estimator.renewed = stays
+        assert push(short, 16, 17) == [Start.COLD_GAP, Start.WARM]
 
 
 def test_a_sweep_that_is_refused_leaves_the_stream_as_it_was(short, push):
@@ -133,27 +126,6 @@ def test_a_sweep_that_is_refused_leaves_the_stream_as_it_was(short, push):
 
 
 class TestSettings:
-    @pytest.fixture
-    def starts_after(self, make_sweep):
-        """The starts of the first triplets, each with other settings than the one before."""
-
-        def starts(first, *changes):
-            stream = Stream(first)
-            found = [stream.push(make_sweep(index)) for index in range(3)]
-            for index, change in enumerate(changes, start=3):
-                stream.change_settings(first.changed(change))
-                found.append(stream.push(make_sweep(index)))
-            return [flow.start for flow in found[2:]]
-
-        return starts
-
-    def test_keep_what_is_known_of_objects_where_they_stay_the_same(
-        self, starts_after, quick_settings
-    ):
-        changes = {"buffer.max_interval_s": 0.4}, {"objects.cell_size_m": 0.4}
-        starts = starts_after(quick_settings, *changes)
-        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
-
     def test_of_the_buffer_hold_at_once(self, short, make_sweep, quick_settings):
         short.add(make_sweep(0))
         short.change_settings(quick_settings.changed({"buffer.max_interval_s": 0.05}))

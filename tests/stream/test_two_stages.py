@@ -11,7 +11,6 @@ from pipelines import PATIENCE_S, Gate, assert_balanced, counts_of
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.methods import make_method
-from mnsf_ros.stream import pipeline as stream_pipeline
 from mnsf_ros.stream import stream
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -38,9 +37,7 @@ class ScriptedEstimator:
         self._in_prepare, self._in_estimate = threading.Lock(), threading.Lock()
         script.made.append(self)
 
-    def with_settings(self, settings):
-        assert not self._in_prepare.locked()
-        assert not self._in_estimate.locked()
+    def renewed(self, settings):
         return ScriptedEstimator(self._script, settings)
 
     def prepare(self, triplet):
@@ -151,7 +148,7 @@ def test_flows_faster_than_their_output_are_dropped_and_the_newest_wins(
     assert_balanced(pipeline)
 
 
-def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_ones(
+def test_a_triplet_that_waits_while_settings_change_keeps_those_it_was_prepared_with(
     pipeline, script, add, held, quick_settings, wait_until
 ):
     held(script.at_estimate, pipeline, 0, 1, 2)
@@ -160,11 +157,11 @@ def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_one
     pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.4}))
     script.at_estimate.let_go()
     wait_until(lambda: pipeline.load == 0)
-    assert script.prepared == stamps(2, 3, 3)
-    assert [made.settings.objects.cell_size_m for made in script.made][1:] == [0.4]
+    assert len(script.made) == 1
     add(pipeline, 4)
     wait_until(lambda: pipeline.load == 0)
-    assert script.prepared == stamps(2, 3, 3, 4)
+    assert script.prepared == script.estimated == stamps(2, 3, 4)
+    assert [made.settings.objects.cell_size_m for made in script.made][1:] == [0.4]
 
 
 def test_other_settings_end_an_estimate_that_would_last_for_hours(
@@ -177,49 +174,6 @@ def test_other_settings_end_an_estimate_that_would_last_for_hours(
     script.at_estimate.let_go()
     wait_until(lambda: pipeline.load == 0)
     assert script.estimated == stamps(3)
-    assert_balanced(pipeline)
-
-
-def test_a_triplet_that_newer_settings_have_overtaken_is_dropped(
-    pipeline, script, add, held, quick_settings, monkeypatch, wait_until
-):
-    """Its sweeps are older than those that are ready: prepared now, they would be a gap."""
-    monkeypatch.setattr(stream_pipeline, "_ABANDONED_AFTER_S", PATIENCE_S)
-    held(script.at_estimate, pipeline, 0, 1, 2)
-    add(pipeline, 3)
-    wait_until(lambda: script.prepared == stamps(2, 3) and pipeline.load == 2)
-    held(script.at_prepare, pipeline, 4)
-    pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.3}))
-    script.at_estimate.let_go()
-    wait_until(lambda: script.estimated == stamps(2) and pipeline.load == 2)
-    # Now 3 has its turn. It waits for 4, which is prepared with the settings before.
-    script.at_estimate.hold()
-    script.at_prepare.let_go()
-    assert script.at_estimate.is_reached.wait(PATIENCE_S)
-    wait_until(lambda: pipeline.load == 2)
-    held(script.at_prepare, pipeline, 5)
-    script.at_estimate.let_go()
-    wait_until(lambda: script.estimated == stamps(2, 3) and pipeline.load == 2)
-    # Now 4 has its turn. It waits for 5, which is prepared with the new settings.
-    script.at_prepare.let_go()
-    wait_until(lambda: pipeline.load == 0)
-    assert script.prepared == stamps(2, 3, 4, 3, 5)
-    assert script.estimated == stamps(2, 3, 5)
-    assert counts_of(pipeline)["triplets_dropped"] == 1
-    assert_balanced(pipeline)
-
-
-def test_settings_change_nothing_under_a_sweep_that_is_being_prepared(
-    pipeline, script, add, quick_settings, wait_until
-):
-    """Each estimator asserts that it is at rest when another one takes its place."""
-    add(pipeline, 0, 1, 2)
-    wait_until(lambda: pipeline.load == 0)
-    for index, cell_size_m in enumerate((0.2, 0.3, 0.4, 0.5) * 25, start=3):
-        pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": cell_size_m}))
-        add(pipeline, index)
-    wait_until(lambda: pipeline.load == 0)
-    assert "estimates_failed" not in counts_of(pipeline)
     assert_balanced(pipeline)
 
 
