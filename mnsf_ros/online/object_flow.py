@@ -16,7 +16,7 @@ from mnsf_ros.online.decision import decided
 from mnsf_ros.online.first_guess import first_guesses
 from mnsf_ros.online.motion_memory import MotionMemory
 from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
-from mnsf_ros.online.output import flow_of, spread
+from mnsf_ros.online.output import flow_of, to_points
 from mnsf_ros.online.reasons import Reasons
 from mnsf_ros.online.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.online.sightings import Sightings
@@ -117,7 +117,7 @@ class ObjectFlowEstimator:
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, table.movers, seen, heads)
         with clock.stage("output"):
-            over_ground = spread(scene, table, heads, tracks, ids)
+            over_ground = to_points(scene, table, heads, tracks, ids)
             flow = flow_of(scene.current, over_ground)
         return FlowEstimate(
             flow=flow,
@@ -169,17 +169,19 @@ class ObjectFlowEstimator:
         """
         objects, start, targets = table.points, table.start, scene.targets
         next_, *previous = targets.near
-        others, surprise = table.expected.beside(start), table.expected.surprise
+        others, prior_cost = table.expected.candidates(start), table.expected.prior_cost
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start)
         if not previous:
             with clock.stage("best motion"):
-                return best_of(objects, targets, judge(objects, targets, forward), others, surprise)
+                return best_of(
+                    objects, targets, judge(objects, targets, forward), others, prior_cost
+                )
         with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start)
         inverted = backward / np.float32(previous[0].steps)
         with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, inverted, others, surprise)
+            return fuse_motions(objects, targets, forward, inverted, others, prior_cost)
 
 
 def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:
