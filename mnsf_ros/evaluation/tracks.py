@@ -110,7 +110,7 @@ class CloudRows:
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
+    """Yields the measured points of each sweep of a topic as received, `source` a CloudRows.
 
     None marks a gap; findings collect damage.
     """
@@ -120,7 +120,7 @@ def recorded_sweeps(
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
-        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
+        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
         return replace(sweep, source=source)
 
     return _decoded(reader, topic, findings, sweep_of)

@@ -41,7 +41,7 @@ _REASONS: Final = {
     "sweeps_time_went_back": "stamps jump back again and again",
     "sweeps_gap": "sweeps are more than buffer.max_interval_s apart",
     CLOUDS_UNDECODABLE: "clouds cannot be decoded",
-    CLOUDS_EMPTY: "clouds have no finite point",
+    CLOUDS_EMPTY: "clouds have no measured point",
     ESTIMATES_FAILED: "every estimate fails",
     TRIPLETS_DROPPED: "the estimate under way takes too long",
 }
@@ -148,7 +148,7 @@ class Diagnostics:
             (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),
             (new[SWEEPS_LOST], _WARN, lost),
             (new[CLOUDS_UNDECODABLE], _WARN, "clouds that cannot be decoded"),
-            (new[CLOUDS_EMPTY], _WARN, "clouds without a finite point"),
+            (new[CLOUDS_EMPTY], _WARN, "clouds without a measured point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),

@@ -167,7 +167,7 @@ def decoded(
     if not sweep.source.is_stamped:
         report("clouds_without_stamp", "a cloud has no stamp; its time of arrival is used")
     if len(sweep) == 0:
-        report(CLOUDS_EMPTY, "a cloud without a finite point is skipped")
+        report(CLOUDS_EMPTY, "a cloud without a measured point is skipped")
         return None
     if fault := sweep.source.times.fault:
         text = f"the times of points are not used: {fault}"

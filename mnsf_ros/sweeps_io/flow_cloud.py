@@ -26,30 +26,30 @@ class CloudSource:
 
     Attributes:
         message: A sensor_msgs/PointCloud2, or an object with its attributes.
-        finite: (height * width,) bool, the points of the message that are in the sweep.
+        measured: (height * width,) bool, the points of the message that are in the sweep.
         times: Times of these points.
         is_stamped: Whether the message has a stamp.
     """
 
     message: Any
-    finite: NDArray[np.bool_]
+    measured: NDArray[np.bool_]
     times: PointTimes
     is_stamped: bool = True
 
 
 def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
-    """Returns the finite points of a cloud, with a CloudSource as `source`.
+    """Returns the measured points of a cloud, with a CloudSource as `source`.
 
     The stamp is `now_ns` if the message has none.
 
     Raises:
         MessageError: If the message cannot be decoded.
     """
-    xyz, finite = decode_xyz(message)
+    xyz, measured = decode_xyz(message)
     own_stamp_ns = decode_stamp(message.header.stamp)
     stamp_ns = own_stamp_ns or now_ns
-    times = decode_times(message, finite, stamp_ns, settings)
-    source = CloudSource(message, finite, times, is_stamped=own_stamp_ns != 0)
+    times = decode_times(message, measured, stamp_ns, settings)
+    source = CloudSource(message, measured, times, is_stamped=own_stamp_ns != 0)
     return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 
 
@@ -68,7 +68,7 @@ def flow_cloud(
     the sweep, the cloud has these only, in one row.
     """
     source: CloudSource = sweep.source
-    cloud, measured, xyz, rows = source.message, source.finite, sweep.xyz, None
+    cloud, measured, xyz, rows = source.message, source.measured, sweep.xyz, None
     shape = cloud.height, cloud.width
     if part is not None:
         chosen = np.flatnonzero(part)

@@ -90,5 +90,5 @@ def test_a_sweep_has_only_finite_points(cloud, settings):
         assert str(error)
         return
     assert np.isfinite(sweep.xyz).all()
-    assert len(sweep.xyz) == np.count_nonzero(sweep.source.finite)
+    assert len(sweep.xyz) == np.count_nonzero(sweep.source.measured)
     assert sweep.times_s is None or len(sweep.times_s) == len(sweep)

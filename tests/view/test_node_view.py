@@ -80,7 +80,7 @@ class Front:
     def publish(self, stamp_s: int, *, without: str = "") -> None:
         header = Header(frame_id="lidar")
         header.stamp.sec = stamp_s
-        columns = {axis: np.arange(3, dtype=np.float32) for axis in "xyz"}
+        columns = {axis: np.arange(1, 4, dtype=np.float32) for axis in "xyz"}
         columns |= {"dynamic": np.array([0, 1, 0], np.uint8)}
         columns |= {"rgb": np.array([1, 0xFF0000, 2], np.uint32).view(np.float32)}
         columns.pop(without, None)
