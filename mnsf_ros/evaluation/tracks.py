@@ -25,7 +25,7 @@ from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -47,6 +47,7 @@ class Event(str, Enum):
         "sweeps whose times per point cannot be read; they count as taken in one moment "
         "(time.field, time.unit)"
     )
+    POINTS_UNTIMED = "points whose time is not of their sweep, left out"
     SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
     SWEEPS_WITHOUT_POSE = "sweeps without odometry"
     DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
@@ -114,12 +115,14 @@ def recorded_sweeps(
 
     None marks a gap; findings collect damage.
     """
+    clouds = CloudReader()
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
-        sweep = sweep_from_message(message, settings, received_ns)
+        sweep = clouds.sweep(message, settings, received_ns)
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
+        findings.count(Event.POINTS_UNTIMED, cloud.num_untimed)
         source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
         return replace(sweep, source=source)
 

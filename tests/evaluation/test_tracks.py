@@ -230,7 +230,11 @@ def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given)
 def test_sweeps_have_the_times_of_their_points(tmp_path):
     """Read by the same code as in the node; those that cannot be are told."""
     rows = np.arange(60)
-    times = {"good": rows * 1_000_000, "bad": np.zeros(60)}
+    times = {
+        "good": rows * 1_000_000,
+        "bad": np.zeros(60),
+        "one lost": np.where(rows == 7, 4e9, rows * 1e6),
+    }
     findings = Findings()
     with BagWriter(tmp_path / "drive") as writer:
         for index, values in enumerate(times.values()):
@@ -238,7 +242,11 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
             encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
     with BagReader(tmp_path / "drive") as reader:
-        good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
+        good, bad, lost = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
     np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
     assert bad.times_s is None
-    assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1}
+    kept = np.delete(rows, 7)
+    np.testing.assert_array_equal(lost.source.rows, kept)
+    np.testing.assert_array_equal(lost.xyz, small.xyz(2)[kept])
+    np.testing.assert_allclose(lost.times_s, kept * 1e-3, atol=1e-7)
+    assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1, Event.POINTS_UNTIMED: 1}
