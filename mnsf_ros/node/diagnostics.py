@@ -67,6 +67,7 @@ class InputState:
     times: str = ""  # origin of the time of each point
     pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
+    num_namesakes: int = 0  # other nodes of the same name
 
 
 class _Moment(NamedTuple):
@@ -144,6 +145,10 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         new, last_s = self._new, snapshot.last_s.get(SWEEPS_RECEIVED, -math.inf)
         lost = f"clouds are lost in transport (see {SWEEPS_LOST})"
+        namesakes = f"{state.num_namesakes + 1} nodes have the name {self._node_name}"
+        if state.num_namesakes:
+            text = f"{namesakes}, and publish on the same topics; set name:= or namespace:="
+            self._faults.warn("namesakes", text)
         level, message = _first(
             (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),
             (new[SWEEPS_LOST], _WARN, lost),
@@ -151,6 +156,7 @@ class Diagnostics:
             (new[CLOUDS_EMPTY], _WARN, "clouds without a measured point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
+            (state.num_namesakes, _WARN, namesakes),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
         )

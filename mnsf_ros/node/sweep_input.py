@@ -79,6 +79,7 @@ class SweepInput:
     @property
     def state(self) -> InputState:
         """Input state for diagnostics."""
+        own = self._node.get_name(), self._node.get_namespace()
         return InputState(
             ", ".join(subscription.topic for subscription in self._subscriptions),
             self._subscriptions[0].reliability,
@@ -86,6 +87,7 @@ class SweepInput:
             self._times_source,
             self.pause,
             () if self._merging is None else self._merging.missing,
+            self._node.get_node_names_and_namespaces().count(own) - 1,
         )
 
     def refresh(self) -> None:
