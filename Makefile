@@ -76,7 +76,7 @@ $(STREET): | $(READY)
 picture: $(COMPLETE) $(STREET)
 	$(BIN)/python tests/view/page_pictures.py $(STREET) 3.4 docs
 
-# On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
+# On all cores. TEST_OPTIONS="tests/online -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
 # after the other.
 TEST := ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 

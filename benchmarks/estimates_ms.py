@@ -22,7 +22,7 @@ from frame import make_parser
 import mnsf_ros
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.sweeps.sweep import Stretch, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 _INTERVAL_NS: Final = 100_000_000
 # The first estimates have cold caches and know nothing of the past.
@@ -41,9 +41,9 @@ def main() -> None:
     with np.load(options.sweeps) as arrays:
         sweeps = [Sweep(arrays[key], _INTERVAL_NS * int(key), "lidar") for key in arrays]
     estimator = make_method(options.method, preset("online").changed({"compute.num_threads": 1}))
-    stretch, times_ms = Stretch(), []
+    times_ms = []
     for (previous, current), next_ in zip(pairwise(sweeps), sweeps[2:], strict=False):
-        triplet = SweepTriplet(previous, current, next_, stretch=stretch)
+        triplet = SweepTriplet(previous, current, next_)
         start_s = time.process_time()
         estimator.estimate(triplet)
         times_ms.append(1e3 * (time.process_time() - start_s))

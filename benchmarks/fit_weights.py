@@ -4,8 +4,8 @@
     python benchmarks/fit_weights.py [--sweeps N] [--seeds A B] [--cache DIR]
 
 Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
-scratch. Prints weights for mnsf_ros/objects/decision.py (the gate) and
-mnsf_ros/objects/confidence.py, and the loss with these and with the current weights. A recording
+scratch. Prints weights for mnsf_ros/online/decision.py (the gate) and
+mnsf_ros/online/confidence.py, and the loss with these and with the current weights. A recording
 counts by the root of its samples. movers.py shows how well the confidence holds on the other half
 and on other worlds.
 """
@@ -30,9 +30,9 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
-from mnsf_ros.objects.confidence import doubtful_features, moving_features, standing_features
-from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.table import FITTED, ObjectTable
+from mnsf_ros.online.confidence import doubtful_features, moving_features, standing_features
+from mnsf_ros.online.object_points import ObjectPoints
+from mnsf_ros.online.table import FITTED, ObjectTable
 from mnsf_ros.presets import preset
 
 _CLOSE_M: Final = 0.1
@@ -150,7 +150,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     movers, doubtful = table.movers, table.doubtful
-    features = moving_features(movers.moving, movers.scores, movers.held)
+    features = moving_features(movers.moving, movers.scores, movers.residual_rise)
     yield "moving", of_objects(movers.points, features)
     yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.standing))
     suspects = np.concatenate([movers.points.numbers, doubtful.points.numbers])

@@ -21,8 +21,8 @@ from frame import Table, make_parser, publish
 from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
-from mnsf_ros.objects import decision, motions, object_flow, over_ground, scene, target
-from mnsf_ros.objects.encoded_field import whole
+from mnsf_ros.online import decision, motions, object_flow, output, scene, target
+from mnsf_ros.online.turning import whole
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
@@ -55,7 +55,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
     "splitting": (scene, "split", lambda current, _: current),
-    "attachments": (over_ground, "attached", lambda *_: np.zeros((2, 0), int)),
+    "attachments": (output, "attached", lambda *_: np.zeros((2, 0), int)),
     "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
     "longer steps of fits": (motions, "_STEP", 1.0),
     "what moves goes on as it did": (motions, "_SURPRISE", np.inf),

@@ -19,8 +19,8 @@ import torch
 from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
 
-from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.methods import make_method
+from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.kept_points import crop_mask, fit_mask
 from mnsf_ros.sweeps.sweep import Sweep

@@ -36,10 +36,6 @@ class CancelledError(MnsfError):
     """An estimate was abandoned because its caller asked for it (shutdown, cancel)."""
 
 
-class OvertakenError(CancelledError):
-    """An estimate was dropped because the stream went on with other settings."""
-
-
 class RecordingError(MnsfError):
     """A recording is missing, damaged, or lacks the requested data."""
 

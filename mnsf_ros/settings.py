@@ -404,6 +404,11 @@ class ComputeSettings:
     cuda_graphs: bool = declared(
         True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
     )
+    adapt: bool = declared(
+        True,
+        "In the node, where sweeps are dropped for lack of time, do less for each: without older "
+        "sweeps, then with half and a quarter of objects.max_suspects; all again when that is over",
+    )
     seed: int = declared(0, "Seed of initial weights and random points", 0, 2_147_483_647)
 
 
@@ -491,11 +496,11 @@ class Settings:
     explicit: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     @property
-    def of_preparation(self) -> tuple[object, ...]:
-        """Values of the settings that live methods prepare each sweep with."""
-        item = self.objects
-        sizes = (item.cell_size_m, item.thinning_m, item.max_size_m, item.max_height_m)
-        return (self.ego_motion, self.crop, self.ground, item.max_points, *sizes)
+    def of_estimates(self) -> "Settings":
+        """The settings with defaults for input and output, which estimates do not depend on."""
+        default, elsewhere = Settings(), ("time", "buffer", "tf", "lidars", "output", "node")
+        groups = (*elsewhere, "lidar_1", "lidar_2", "lidar_3", "lidar_4")
+        return dataclasses.replace(self, **{group: getattr(default, group) for group in groups})
 
     def changed(self, values: Mapping[str, object]) -> "Settings":
         """Returns these settings with the values of some full names (`crop.max_range_m`) replaced.

@@ -46,7 +46,7 @@ def test_links_files_and_settings_are_there(path):
         assert target.exists(), link
         assert not anchor or anchor in anchors(target), link
     # Tables name files below the folder in their head.
-    below = [ROOT, ROOT / "mnsf_ros", ROOT / "mnsf_ros" / "core"]
+    below = [ROOT, ROOT / "mnsf_ros", ROOT / "mnsf_ros" / "networks"]
     files = re.findall(r"`([\w./]+\.py|[\w.]+/[\w./]+\.(?:yaml|xml))`", text)
     assert [file for file in files if not any((top / file).exists() for top in below)] == []
     declared = set(Settings().to_mapping())

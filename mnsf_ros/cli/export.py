@@ -21,7 +21,7 @@ from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.outcomes import estimated
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
 from mnsf_ros.evaluation.tracks import Findings
-from mnsf_ros.online.stream import Stream
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.ground_surface import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, runtime_checkable
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -30,7 +30,7 @@ class MethodTraits:
         carries_state: Whether an estimate depends on the ones before it. Such a method must get
             its triplets in order and without gaps, and an interrupted run starts again.
         max_gap_s: Longest time from the last triplet to the next over which its state holds. After
-            a longer one the stream begins a new `Stretch`.
+            a longer one the stream goes on with a renewed estimator.
         needs_poses: Whether `triplet.next_from_current` must be known.
         is_reference: Whether it is a row to compare with, such as zero flow, and no rival.
         is_external: Whether it is another program or its files. Such a method is not warmed up,
@@ -49,6 +49,9 @@ class MethodTraits:
 
 class SceneFlowEstimator(Protocol):
     """Estimates the flow of the middle sweep of a triplet. Not for several threads at once.
+
+    It lives for one stretch of a stream: its triplets come in the order of time, and each may build
+    on those before. Where the stream breaks, and when a setting changes, a renewed one goes on.
 
     A method can do a part of its work ahead of an estimate, see `PreparingEstimator`.
     """
@@ -82,15 +85,27 @@ class SceneFlowEstimator(Protocol):
         """
         ...
 
-    def with_settings(self, settings: Settings) -> "SceneFlowEstimator":
-        """Returns an estimator with other settings that keeps all state that is still valid.
+    def renewed(self, settings: Settings) -> "SceneFlowEstimator":
+        """Returns an estimator with these settings that has seen no sweep yet.
 
-        That may be networks, a map or poses. This estimator must not be used afterwards.
+        It may take over what does not depend on sweeps, such as loaded weights. An estimate of this
+        one may be under way.
 
         Raises:
             SettingsError: If the method cannot work with the settings.
         """
         ...
+
+
+@runtime_checkable
+class AdaptingEstimator(Protocol):
+    """A method that can do less where it would else be too slow.
+
+    Attributes:
+        effort: Of the next estimate. It is set by the thread that estimates.
+    """
+
+    effort: Effort
 
 
 @runtime_checkable

@@ -19,7 +19,7 @@ from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Stretch, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 
 # Longest extrapolation, in last intervals: beyond it, constant velocity is no useful guess.
 _MAX_INTERVALS: Final = 3.0
@@ -93,10 +93,7 @@ class SensorPose:
 
 
 class EgoMotion:
-    """Chains the ego motion from sweep to sweep, so that a change of source causes no jump.
-
-    All sweeps are of one stretch, see `SensorPoses`.
-    """
+    """Chains the ego motion from sweep to sweep, so that a change of source causes no jump."""
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
@@ -260,22 +257,17 @@ class EgoMotion:
 
 
 class SensorPoses:
-    """The sensor's poses at the last sweeps of a stretch, each found once."""
+    """The sensor's poses at the last sweeps of a stream, each found once."""
 
     def __init__(self, settings: EgoMotionSettings) -> None:
-        self._settings = settings
-        self._stretch: Stretch | None = None
         self._ego_motion = EgoMotion(settings)
         self._poses: dict[Sweep, SensorPose] = {}
 
-    def of(self, sweeps: Iterable[Sweep], stretch: Stretch) -> dict[Sweep, SensorPose]:
-        """The poses of sweeps, oldest first, in one common frame, the world of their stretch.
+    def of(self, sweeps: Iterable[Sweep]) -> dict[Sweep, SensorPose]:
+        """The poses of sweeps, oldest first, in one common frame, the world.
 
-        Each sweep is newer than all earlier ones of this stretch, or one of them.
+        Each sweep is newer than all earlier ones, or one of them.
         """
-        if stretch is not self._stretch:
-            self._stretch, self._ego_motion = stretch, EgoMotion(self._settings)
-            self._poses.clear()
         found = {}
         for sweep in sweeps:
             found[sweep] = self._poses.get(sweep) or self._ego_motion.pose_of(sweep)

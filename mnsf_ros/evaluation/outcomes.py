@@ -13,8 +13,8 @@ from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
 from mnsf_ros.errors import MnsfError, is_caused_by, one_line
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import DROPPED
-from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
-from mnsf_ros.online.stream import Stream
+from mnsf_ros.stream.latest_only_worker import LatestOnlyQueue
+from mnsf_ros.stream.stream import Stream
 
 _LOG = logging.getLogger(__name__)
 

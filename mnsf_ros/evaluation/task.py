@@ -18,8 +18,8 @@ from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
 from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.methods import make_method
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 

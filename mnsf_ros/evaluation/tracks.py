@@ -111,7 +111,20 @@ class CloudRows:
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the measured points of each sweep of a topic as received, `source` a CloudRows.
+    """Yields the sweeps of `recorded_clouds` without their messages: `source` is a CloudRows."""
+    for sweep in recorded_clouds(reader, topic, settings, findings):
+        if sweep is None:
+            yield None
+            continue
+        cloud: CloudSource = sweep.source
+        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
+        yield replace(sweep, source=source)
+
+
+def recorded_clouds(
+    reader: BagReader, topic: str, settings: TimeSettings, findings: Findings
+) -> Iterator[Sweep | None]:
+    """Yields the measured points of each sweep of a topic as received, `source` a CloudSource.
 
     None marks a gap; findings collect damage.
     """
@@ -123,8 +136,7 @@ def recorded_sweeps(
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         findings.count(Event.POINTS_UNTIMED, cloud.num_untimed)
-        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
-        return replace(sweep, source=source)
+        return sweep
 
     return _decoded(reader, topic, findings, sweep_of)
 

@@ -9,10 +9,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from mnsf_ros.core.optimization import Schedule
-from mnsf_ros.core.target_distance import NearestNeighborDistance
-from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import SweepError
+from mnsf_ros.networks.optimization import Schedule
+from mnsf_ros.networks.target_distance import NearestNeighborDistance
+from mnsf_ros.networks.workbench import Workbench
 from mnsf_ros.settings import LinearSettings
 
 # The time of the current sweep, in intervals; the previous one is at -1.

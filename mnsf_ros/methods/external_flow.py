@@ -67,7 +67,7 @@ class CommandEstimator:
             )
         return cls(line, settings)
 
-    def with_settings(self, settings: Settings) -> "CommandEstimator":
+    def renewed(self, settings: Settings) -> "CommandEstimator":
         """Returns the same command with other settings."""
         return CommandEstimator(self._line, settings)
 
@@ -156,7 +156,7 @@ class PredictionFiles:
         if not folder or not self._folder.is_dir():
             raise SettingsError(f"file:{folder}: there is no such folder of predictions")
 
-    def with_settings(self, settings: Settings) -> "PredictionFiles":
+    def renewed(self, settings: Settings) -> "PredictionFiles":
         """Returns the same with other settings."""
         return PredictionFiles(str(self._folder), settings)
 

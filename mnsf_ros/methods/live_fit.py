@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult, StageClock
-from mnsf_ros.core.optimization import Schedule
-from mnsf_ros.core.target_distance import TargetDistance
-from mnsf_ros.core.warm_networks import WarmNetworks
 from mnsf_ros.errors import OptimizationError
-from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.target import Target
+from mnsf_ros.networks.optimization import Schedule
+from mnsf_ros.networks.target_distance import TargetDistance
+from mnsf_ros.networks.warm_networks import WarmNetworks
+from mnsf_ros.online.object_points import ObjectPoints
+from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 

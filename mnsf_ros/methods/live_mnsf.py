@@ -7,8 +7,7 @@ motion, ground, objects, the gate, tracks and the output are those of the online
 that passes the gate has the mean of the fused flow at a few of its points, and may turn.
 """
 
-import copy
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -23,19 +22,19 @@ from mnsf_ros.core.compute_device import (
 )
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.scene_flow_estimator import never
-from mnsf_ros.core.target_distance import TargetDistance
-from mnsf_ros.core.warm_networks import WarmNetworks
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
-from mnsf_ros.objects.motions import JudgedMotions, judge
-from mnsf_ros.objects.object_flow import ObjectFlowEstimator
-from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.scene import ReadySweeps, Scene
-from mnsf_ros.objects.suspects import are_worth_a_fit
-from mnsf_ros.objects.table import ObjectTable
-from mnsf_ros.objects.target import Target
+from mnsf_ros.networks.target_distance import TargetDistance
+from mnsf_ros.networks.warm_networks import WarmNetworks
+from mnsf_ros.online.motions import JudgedMotions, judge
+from mnsf_ros.online.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.object_sweep import ObjectSweep
+from mnsf_ros.online.scene import ReadySweeps, Scene
+from mnsf_ros.online.suspects import are_worth_a_fit
+from mnsf_ros.online.table import ObjectTable
+from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, SweepTriplet
 
 
 class LiveMnsfEstimator(ObjectFlowEstimator):
@@ -44,29 +43,19 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
     `prepare` and `estimate` may run in two threads.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        """Makes an estimator that has seen nothing yet.
+    def __init__(self, settings: Settings, track_numbers: Iterator[int] | None = None) -> None:
+        """Makes an estimator that has seen nothing yet, see `ObjectFlowEstimator`.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        super().__init__(settings)
-        self._stretch: Stretch | None = None
+        super().__init__(settings, track_numbers)
         self._networks: WarmNetworks | None = None
         # Of the sweeps that may be a target again, as long as these are kept.
         self._distances: MutableMapping[ObjectSweep, TargetDistance] = WeakKeyDictionary()
         self._fits: dict[str, OptimizationResult] = {}
         self._kinds: set[str] = set()
         self._cancelled: Callable[[], bool] = never
-
-    def with_settings(self, settings: Settings) -> "LiveMnsfEstimator":
-        """An estimator with other settings; it keeps all state that still holds."""
-        other = super().with_settings(settings)
-        if _of_networks(settings) == _of_networks(self.settings):
-            other._stretch = self._stretch
-            # A copy: each estimator goes on with its own.
-            other._networks = copy.deepcopy(self._networks)
-        return other
 
     def estimate(
         self,
@@ -81,13 +70,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             OptimizationError: If a loss is not finite; the next triplet starts from scratch.
             CancelledError: If `cancelled` says so.
         """
-        if triplet.stretch is not self._stretch or not self.settings.warm_start.enabled:
-            self._stretch, self._networks = triplet.stretch, None
+        if not self.settings.warm_start.enabled:
+            self._networks = None
         self._cancelled, self._fits, self._kinds = cancelled, {}, set()
         are_fresh = self._networks is None or not self._networks.fitted
         with one_thread():
             estimate = super().estimate(triplet, cancelled, prepared)
-        # Tracks may be warm while networks are fresh: after other settings, or a failed fit.
+        # Tracks may be warm while networks are fresh: after a failed fit.
         is_cold = estimate.start is Start.WARM and are_fresh and self._fits
         return replace(
             estimate,
@@ -146,9 +135,3 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             self._distances[sweep] = distance
         self._kinds.add(distance.kind)
         return distance
-
-
-def _of_networks(settings: Settings) -> tuple[object, ...]:
-    """The settings with which networks can go on."""
-    # Another ego motion begins another world, with other axes.
-    return settings.field, settings.fusion, settings.live, settings.compute, settings.ego_motion

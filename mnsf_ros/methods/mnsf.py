@@ -13,9 +13,9 @@ from functools import partial
 import torch
 from torch import nn
 
-from mnsf_ros.core.networks import Perceptron, invert_motion
-from mnsf_ros.core.optimization import Schedule
-from mnsf_ros.core.workbench import PreparedSweep, Workbench
+from mnsf_ros.networks.networks import Perceptron, invert_motion
+from mnsf_ros.networks.optimization import Schedule
+from mnsf_ros.networks.workbench import PreparedSweep, Workbench
 
 
 def mnsf(bench: Workbench, num_fields: int = 2) -> torch.Tensor:

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.core.workbench import PreparedSweep, Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
+from mnsf_ros.networks.workbench import PreparedSweep, Workbench
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
@@ -74,18 +74,13 @@ class NetworkEstimator:
         self._prepared: dict[Sweep, PreparedSweep] = {}
         self._poses = SensorPoses(settings.ego_motion)
 
-    def with_settings(self, settings: Settings) -> "NetworkEstimator":
-        """Returns an estimator with other settings; valid state is kept.
+    def renewed(self, settings: Settings) -> "NetworkEstimator":
+        """Returns a new estimator of the same method.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        other, old = NetworkEstimator(settings, self._method), self.settings
-        if _preparing(settings) == _preparing(old):
-            other._prepared = self._prepared
-        if settings.ego_motion == old.ego_motion:
-            other._poses = self._poses
-        return other
+        return NetworkEstimator(settings, self._method)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
@@ -107,7 +102,7 @@ class NetworkEstimator:
             return self._fitted(triplet, cancelled)
         clock = StageClock()
         with clock.stage("ego motion"):
-            poses = self._poses.of(triplet.sweeps, triplet.stretch)
+            poses = self._poses.of(triplet.sweeps)
             common = _in_frame_of_current(triplet, poses)
         estimate = self._fitted(common, cancelled)
         with clock.stage("output"):
@@ -123,11 +118,6 @@ class NetworkEstimator:
         num_before = 0 if is_pair else self._method.num_sweeps - 2
         bench = Workbench(triplet, self.settings, self._prepared, num_before, cancelled)
         return bench.finish(self._method.flow_of(bench), self._method.distance_kind)
-
-
-def _preparing(settings: Settings) -> tuple[object, ...]:
-    """The settings on which prepared sweeps depend."""
-    return settings.compute, settings.crop, settings.ground, settings.distance
 
 
 def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) -> SweepTriplet:

@@ -40,7 +40,7 @@ def estimated_ego_flow(triplet: SweepTriplet, poses: SensorPoses) -> NDArray[np.
 
     In most recordings the ego motion of `ego_flow` is the ground truth itself.
     """
-    found = poses.of(triplet.sweeps, triplet.stretch)
+    found = poses.of(triplet.sweeps)
     current, following = (
         found[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
     )
@@ -63,12 +63,9 @@ class ReferenceEstimator:
             self.traits = replace(self.traits, max_gap_s=settings.ego_motion.max_gap_s)
         self._poses = SensorPoses(settings.ego_motion)
 
-    def with_settings(self, settings: Settings) -> "ReferenceEstimator":
-        """Returns the same with other settings; it keeps the poses if they are still valid."""
-        other = ReferenceEstimator(self._flow_of, self.traits, settings)
-        if settings.ego_motion == self.settings.ego_motion:
-            other._poses = self._poses
-        return other
+    def renewed(self, settings: Settings) -> "ReferenceEstimator":
+        """Returns a new estimator of the same flow."""
+        return ReferenceEstimator(self._flow_of, self.traits, settings)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never

@@ -32,7 +32,7 @@ from mnsf_ros.errors import (
 )
 from mnsf_ros.methods.external_flow import CommandEstimator, PredictionFiles
 from mnsf_ros.methods.references import ReferenceEstimator, ego_flow, estimated_ego_flow, zero_flow
-from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for, variant_of
 from mnsf_ros.settings import Settings
 
@@ -42,9 +42,6 @@ GROUP: Final = "mnsf_ros.methods"
 COMMAND_PREFIX: Final = "command:"
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
-
-# What torch imports by itself with the first optimizer, for a second and more.
-OPTIMIZER_MODULE: Final = "torch._dynamo"
 
 
 def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any) -> MethodMaker:  # noqa: ANN401 - see below
@@ -63,8 +60,7 @@ def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any)
 def _load_torch() -> None:
     if "torch" not in sys.modules:
         _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
-    # Else the first estimate would take a second longer, in which it cannot be abandoned.
-    import_module(OPTIMIZER_MODULE)
+        import_module("torch")
 
 
 def _live_or_as_published(settings: Settings) -> SceneFlowEstimator:
@@ -181,7 +177,7 @@ def _of_package(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     except (Exception, SystemExit) as error:
         text = f"{source}: {plug_in.value!r} cannot be made: {one_line(error)}"
         raise MethodError(text) from error
-    parts = ("estimate", "with_settings", "settings", "traits")
+    parts = ("estimate", "renewed", "settings", "traits")
     missing = [name for name in parts if not hasattr(estimator, name)]
     if missing or not isinstance(estimator.traits, MethodTraits):
         raise MethodError(

@@ -15,7 +15,7 @@ from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.node_log import FaultLog
 from mnsf_ros.node.parameters import NodeParameters
 from mnsf_ros.node.scene_flow_parts import SceneFlowParts
-from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS
+from mnsf_ros.stream.pipeline import CALLBACK_ERRORS
 
 NODE_NAME = "scene_flow"
 

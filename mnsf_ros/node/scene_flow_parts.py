@@ -17,8 +17,8 @@ from mnsf_ros.node.parameters import NodeParameters, UnknownParameterError, unde
 from mnsf_ros.node.raw_topics import cloud_topics, other_types
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
-from mnsf_ros.online.online_pipeline import OnlinePipeline, OnlineStatistics, TripletJob
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.pipeline import StreamPipeline, StreamStatistics, TripletJob
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
@@ -81,7 +81,7 @@ class SceneFlowParts:
         self._pipeline.close(timeout_s)
 
     @property
-    def statistics(self) -> OnlineStatistics:
+    def statistics(self) -> StreamStatistics:
         """Counters and recent figures."""
         return self._pipeline.statistics
 
@@ -100,7 +100,7 @@ class SceneFlowParts:
             if settings.tf.broadcast
             else None
         )
-        self._pipeline = OnlinePipeline(settings, self._publish, self._on_failure)
+        self._pipeline = StreamPipeline(settings, self._publish, self._on_failure)
         try:
             self._input = SweepInput(self._node, settings, self._report, self._on_sweep, pause)
         except BaseException:

@@ -1,1 +1,2 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The online method: ego motion, plus one motion per object."""

@@ -16,7 +16,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import Findings
-from mnsf_ros.online.stream import Stream
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # A stamp that was printed with three decimals is off by less.

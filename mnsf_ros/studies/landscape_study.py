@@ -17,12 +17,12 @@ from torch import nn
 
 from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
-from mnsf_ros.core.networks import invert_motion
-from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.charts import height_maps
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.methods.mnsf import Networks, fitted_mnsf
+from mnsf_ros.networks.networks import invert_motion
+from mnsf_ros.networks.workbench import Workbench
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
 from mnsf_ros.studies.study import StudyOptions, StudyResult

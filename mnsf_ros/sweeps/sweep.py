@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A sweep, the triplet of one estimate, and its stretch of the stream."""
+"""A sweep, the triplet of one estimate, and where an estimate starts."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,23 +117,8 @@ class Start(Enum):
     COLD_GAP = "cold: gap since the last triplet"
     COLD_TIME_JUMP = "cold: time went back"
     COLD_FRAME = "cold: frame_id changed"
+    COLD_SETTINGS = "cold: settings changed"
     COLD_NETWORKS = "cold: fresh networks"
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Part of a stream without a break: the lifetime of a method's state.
-
-    Two triplets are of the same stretch if theirs is the same object.
-
-    Attributes:
-        start: Why the stretch began.
-    """
-
-    start: Start = Start.COLD_FIRST
-
-
-_UNBROKEN: Final = Stretch()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +132,6 @@ class SweepTriplet:
         earlier: The sweeps at t-2, t-3 ..., for methods that use more than three.
         next_from_current: (4, 4) rigid motion of static points between the two sensor frames,
             x_next = next_from_current · x_current, for methods that need it.
-        stretch: Methods forget what they learned in another one. A `Stream` tells breaks; triplets
-            from elsewhere count as one stretch, in the order of time.
     """
 
     previous: Sweep | None
@@ -156,7 +139,6 @@ class SweepTriplet:
     next: Sweep
     earlier: tuple[Sweep, ...] = ()
     next_from_current: NDArray[np.float64] | None = None
-    stretch: Stretch = _UNBROKEN
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:

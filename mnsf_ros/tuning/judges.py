@@ -20,8 +20,8 @@ from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.geometry.transforms import apply
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 METHOD: Final = "online"

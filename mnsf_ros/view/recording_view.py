@@ -11,11 +11,11 @@ from typing import Any, Final
 from mnsf_ros.core.reason_terms import rows_at
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.recordings import short_name
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import (
     LAYERS,
@@ -45,7 +45,6 @@ class _Shown:
     position_s: float
     sweep: EstimatedSweep
     trails: Trails
-    stream: Stream  # that has estimated it
 
 
 class RecordingView(PageView):
@@ -126,18 +125,19 @@ class RecordingView(PageView):
             is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
             preview = self._kept[-1] if is_newest else self._preview
             self._start_at(self._position_s)
-            if preview is not None and settings.of_preparation == before.of_preparation:
+            if preview is not None:
                 self._preview = preview
                 self._show_preview(preview)
 
     def _show_preview(self, shown: _Shown) -> None:
-        """Shows the sweep with other settings at once: those before it follow with the target."""
+        """Shows the sweep with other settings at once, from its triplet alone.
+
+        What follows from the sweeps before it comes with the target.
+        """
         # What fails here fails again, and is told, when all is estimated.
         with suppress(MnsfError):
-            shown.stream.change_settings(self._settings)
-            estimate = shown.stream.repeat()
-            if estimate is not None:
-                self._publish_scene(replace(shown, sweep=shown.sweep._replace(estimate=estimate)))
+            estimate = Stream(self._settings).flow_of(shown.sweep.example.triplet)
+            self._publish_scene(replace(shown, sweep=shown.sweep._replace(estimate=estimate)))
 
     def _start_at(self, position_s: float) -> None:
         """Estimates from a while before a position on; shows the first sweep from there on."""
@@ -188,7 +188,7 @@ class RecordingView(PageView):
             self._publish_player(position_s)
             return
         self._target_s, self._preview = None, None
-        self._kept.append(_Shown(position_s, sweep, trails, self._stream))
+        self._kept.append(_Shown(position_s, sweep, trails))
         self._place = len(self._kept) - 1
         self._show()
 

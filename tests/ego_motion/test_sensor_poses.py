@@ -8,7 +8,7 @@ from box_street import INTERVAL_NS, pose
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPoses
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import Stretch, Sweep
+from mnsf_ros.sweeps.sweep import Sweep
 
 SETTINGS = EgoMotionSettings(source="odometry")
 
@@ -27,24 +27,15 @@ def check_motions(poses, sweeps):
         assert np.allclose(found, expected, atol=1e-9)
 
 
-def test_sweep_has_the_same_pose_in_all_triplets_of_a_stretch():
-    poses, stretch = SensorPoses(SETTINGS), Stretch()
+def test_sweep_has_the_same_pose_in_all_triplets():
+    poses = SensorPoses(SETTINGS)
     sweeps = [sweep_at(index) for index in range(40)]
     known = {}
     for first in range(len(sweeps) - 2):
-        found = poses.of(sweeps[first : first + 3], stretch)
+        found = poses.of(sweeps[first : first + 3])
         assert all(known.get(sweep, found[sweep]) is found[sweep] for sweep in found)
         known |= found
     check_motions(known, sweeps)
     assert known[sweeps[0]].source is EgoSource.START
     assert {known[sweep].source for sweep in sweeps[1:]} == {EgoSource.ODOMETRY}
     assert len(poses._poses) <= 12
-
-
-def test_another_stretch_is_another_world():
-    poses = SensorPoses(SETTINGS)
-    sweeps = [sweep_at(index) for index in range(4)]
-    poses.of(sweeps[:3], Stretch())
-    found = poses.of(sweeps[1:], Stretch())
-    np.testing.assert_array_equal(found[sweeps[1]].world_from_sensor, np.eye(4))
-    check_motions(found, sweeps[1:])

@@ -122,7 +122,7 @@ class Method:
     def __init__(self, settings):
         self.settings = settings
 
-    def with_settings(self, settings):
+    def renewed(self, settings):
         return Method(settings)
 
     def estimate(self, triplet, cancelled=None):

@@ -11,12 +11,12 @@ from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps
-from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import write_recording
+from mnsf_ros.stream.pipeline import StreamPipeline
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def live_flows(street, settings):
     def keep(job, estimate):
         flows[job.triplet.current.stamp_ns] = estimate.flow
 
-    pipeline = OnlinePipeline(settings, keep, lambda job, error: failures.append(error))
+    pipeline = StreamPipeline(settings, keep, lambda job, error: failures.append(error))
     with BagReader(street.path) as reader:
         for sweep in recorded_sweeps(reader, street.points, "street", Settings().time, Findings()):
             pipeline.add_sweep(sweep, time.monotonic_ns())

@@ -7,8 +7,8 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.outcomes import attempted, replayed
 from mnsf_ros.evaluation.scoring import DROPPED
-from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 EMPTY = np.empty((0, 3), np.float32)
@@ -34,8 +34,8 @@ class Work:
     def clock_s(self):
         return self.now_s
 
-    def with_settings(self, settings):
-        raise AssertionError
+    def renewed(self, _settings):
+        return self
 
     def prepare(self, triplet):
         self.now_s += self._prepare_ms / 1e3
@@ -53,7 +53,7 @@ def played(monkeypatch):
 
     def play(arrivals_ms, times_ms, rate=1.0, prepare_ms=0.0):
         work = Work(times_ms, prepare_ms)
-        monkeypatch.setattr("mnsf_ros.online.stream.make_method", lambda *_: work)
+        monkeypatch.setattr("mnsf_ros.stream.stream.make_method", lambda *_: work)
         examples = [example(number, next_ms) for number, next_ms in enumerate(arrivals_ms)]
         outcomes = list(replayed(Stream(Settings()), examples, rate, work.clock_s))
         return [

@@ -6,10 +6,10 @@ import torch
 from moving_sweeps import QUICK, mean_error
 
 from mnsf_ros.core.flow_estimate import StopReason
-from mnsf_ros.core.networks import fusion_network
-from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.mnsf import Networks
+from mnsf_ros.networks.networks import fusion_network
+from mnsf_ros.networks.workbench import Workbench
 from mnsf_ros.settings import Settings
 
 

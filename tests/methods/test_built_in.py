@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from moving_sweeps import QUICK, as_sweep, mean_error, moving_triplet, triplet_of
 
-from mnsf_ros.core.optimization import StopReason
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method, method_names
+from mnsf_ros.networks.optimization import StopReason
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 NETWORKS = ("flot", "3dflow", "gmsf", "scoop")

@@ -97,7 +97,7 @@ def test_switched_off_and_on_on_the_way(triplet):
     estimator = make_method("mnsf", on)
     estimator.estimate(triplet)
     for settings in (off, on):
-        estimator = estimator.with_settings(settings)
+        estimator = estimator.renewed(settings)
         result = estimator.estimate(triplet)
         expected = make_method("mnsf", settings).estimate(triplet)
         np.testing.assert_array_equal(result.flow, expected.flow)

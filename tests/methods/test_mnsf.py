@@ -107,18 +107,6 @@ def test_unequal_intervals(make_scene):
     assert mean_errors(estimate(stampless, settings).flow, scene)[0] > 0.12
 
 
-def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
-    estimator = make_method("mnsf", SHORT)
-    all_kept = estimator.estimate(triplet).kept
-    near = SHORT.changed({"crop.max_range_m": 13})
-    result = estimator.with_settings(near).estimate(triplet)
-    assert 0 < result.kept.sum() < all_kept.sum()
-    np.testing.assert_array_equal(result.kept, estimate(triplet, near).kept)
-    for kind in ("grid", "bricks"):
-        other = SHORT.changed({"distance.kind": kind})
-        assert estimator.with_settings(other).estimate(triplet).distance_kind == kind
-
-
 # Steps of 1.0 blow up so deep a network: after the second step its flow is no float32.
 EXPLOSIVE = SHORT.changed(
     {
@@ -146,5 +134,5 @@ def test_no_finite_flow_is_an_error_that_leaves_nothing_behind(triplet, max_iter
     )
     with pytest.raises(OptimizationError, match=text):
         estimator.estimate(triplet)
-    result = estimator.with_settings(SHORT).estimate(triplet)
+    result = estimator.renewed(SHORT).estimate(triplet)
     np.testing.assert_array_equal(result.flow, estimate(triplet).flow)

@@ -25,7 +25,7 @@ class Constant:
     def __init__(self, settings):
         self.settings = settings
 
-    def with_settings(self, settings):
+    def renewed(self, settings):
         return Constant(settings)
 
     def estimate(self, triplet, cancelled=never):
@@ -96,7 +96,7 @@ def test_every_method_describes_itself(name, monkeypatch):
     assert traits.carries_state == (name in ("online", "ego-estimated"))
     assert traits.is_timed
     changed = settings.changed({"compute.seed": 3, "fusion.kind": "weighted_sum"})
-    again = estimator.with_settings(changed)
+    again = estimator.renewed(changed)
     if name != "online":
         assert again.settings == make_method(name, changed).settings
     assert again.traits == traits
@@ -203,9 +203,9 @@ def test_our_names_stay_ours(install):
         ("theirs_module:not_callable", "'theirs_module:not_callable' cannot be made: TypeError: "),
         (
             "theirs_module:NoEstimator",
-            r"NoEstimator lacks estimate, with_settings, settings, which every method must have",
+            r"NoEstimator lacks estimate, renewed, settings, which every method must have",
         ),
-        ("theirs_module:Old", r"Old lacks with_settings, traits"),
+        ("theirs_module:Old", r"Old lacks renewed, traits"),
     ],
 )
 def test_broken_package(install, target, text):

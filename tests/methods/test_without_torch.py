@@ -8,7 +8,7 @@ ESTIMATE = """
 import sys
 import numpy as np
 from mnsf_ros.methods import make_method
-from mnsf_ros.online import online_pipeline
+from mnsf_ros.stream import pipeline as stream_pipeline
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -18,7 +18,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
+from mnsf_ros.stream.pipeline import TRIPLET_ENDS
 
 # Far more than a loaded machine needs: only a failing test waits that long.
 PATIENCE_S = 120.0

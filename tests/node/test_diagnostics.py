@@ -16,9 +16,9 @@ from mnsf_ros.core.flow_estimate import (
 )
 from mnsf_ros.node import diagnostics
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
-from mnsf_ros.online import online_pipeline
-from mnsf_ros.online.online_pipeline import OnlineStatistics
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream import pipeline as stream_pipeline
+from mnsf_ros.stream.pipeline import StreamStatistics
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK,
@@ -38,7 +38,7 @@ class Story:
         self.others = {"/points": []}
 
     def begin(self):
-        self.statistics = OnlineStatistics()
+        self.statistics = StreamStatistics()
         self._diagnostics = Diagnostics(
             "robot/flow_node", self, lambda: self.topics, lambda own: self.others[own[0]]
         )
@@ -97,7 +97,7 @@ class Story:
 def story(monkeypatch):
     story = Story()
     clock = SimpleNamespace(monotonic=lambda: story.now_s)
-    for module in (diagnostics, online_pipeline):
+    for module in (diagnostics, stream_pipeline):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(diagnostics.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
     monkeypatch.setattr(diagnostics.os, "cpu_count", lambda: 2)
@@ -310,6 +310,7 @@ class TestValues:
             "precision": "float32",
             "start": "warm",
             "cold starts, recent": "1",
+            "effort": "full",
             "estimate median [ms]": "3.5",
             "prepare median [ms]": "1.0",
             "forward median [ms]": "2.5",

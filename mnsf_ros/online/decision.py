@@ -1,0 +1,167 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Which objects move: all evidence in one number, and its limits."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.geometry.point_sets import chosen_points
+from mnsf_ros.online.motions import JudgedMotions, are_same, judge, residual_rise_m
+from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.sightings import mover_groups
+from mnsf_ros.online.table import ObjectTable
+from mnsf_ros.online.target import Targets
+from mnsf_ros.settings import ObjectSettings
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
+
+# Logistic regression, one weight for each column of `evidence`. `benchmarks/fit_weights.py` fits
+# them to random worlds and KITTI. They were then adjusted to balance found and false movers. The
+# last, for parts, is set so that at the limit half of the parts that move alone are found.
+_WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
+# Objects whose log-odds miss the limit by up to this are only followed.
+_TENTATIVE: Final = 2.0
+
+
+def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
+    """Weighs the evidence for the motions of the objects that are not rejected yet.
+
+    Rejects objects that do not move, and groups touching objects that move, or may move, alike.
+    """
+    rows, targets, current = table.open_rows, scene.targets, scene.current
+    fitted = table.take(rows)
+    points, motions = fitted.points, fitted.moving.motions
+    standing = judge(points, targets, np.zeros_like(motions))
+    free = free_space(points, targets, motions)
+    features = evidence(fitted, standing, free)
+    scores = moving_scores(features)
+    table = table.put(rows, free=free, evidence=features, scores=scores)
+    may_move, is_moving = moves(
+        points.numbers, fitted.wholes, motions, scores, scene.usual_interval_s, scene.settings
+    )
+    followed = fitted.take(np.flatnonzero(may_move))
+    groups = mover_groups(
+        followed.points, followed.moving.motions, *followed.points.all_points(current)
+    )
+    residual_rise = residual_rise_m(followed.points, followed.moving, targets)
+    table = table.put(rows[may_move], residual_rise=residual_rise, groups=groups)
+    # An object in the group of a mover moves, too.
+    is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
+    stands_beside = np.isin(points.numbers, fitted.wholes[is_moving])
+    table = table.rejected(rows[~is_moving], Verdict.REFUSED)
+    return table.rejected(rows[~is_moving & stands_beside], Verdict.PARTLY)
+
+
+def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move."""
+    return (features * np.asarray(_WEIGHTS)).sum(axis=1)
+
+
+def free_space(
+    objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Returns (K,) the number of points that free space shows to be new or gone.
+
+    New: the points of an object that are in free space of another sweep if it is static, less
+    those if it moves. Gone: points of older sweeps that lie on the moved object and whose places
+    are free by now; for a part, points of the rest of its whole do not count. A place that was
+    seen through is evidence of motion. A place that was hidden, or out of view, is not: a static
+    object leaves a residual there, too.
+
+    Args:
+        objects: K objects.
+        targets: The other sweeps.
+        motions: (K, 3) metres, to the next sweep.
+    """
+    current = targets.near[0].current
+    rows = objects.rows_of(current.num_objects)[current.thinned_objects]
+    points, owners = chosen_points(current.thinned, rows >= 0), rows[rows >= 0]
+    free = np.zeros(len(objects))
+    for target in (*targets.past, *targets.near):
+        free += target.num_free(objects, np.zeros_like(motions))
+        free -= target.num_free(objects, motions)
+    for target in targets.past or targets.near:
+        places = points + np.take(target.shifts(objects, motions), owners, axis=0)
+        free += np.bincount(owners[target.rows_of_gone(places)], minlength=len(objects))
+    return free
+
+
+def evidence(
+    table: ObjectTable, standing: JudgedMotions, free: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Returns (K, 8) features for and against the motions of K objects.
+
+    The columns are:
+
+    * 1;
+    * log(1 + points new or gone); 0 for parts, because free space defined them;
+    * the log-odds of the track so far;
+    * log(1 + length of the motion in metres), 0 for a motion that a track expected;
+    * three products of S: with log(1 + thickness / noise), with log(number of points), and with
+      the height of the top above the sensor in metres. S sums the logarithms of the shares of the
+      residual that the motion leaves in the neighbouring and in the older sweeps; without older
+      ones, the neighbouring ones count twice;
+    * whether it is a part: most parts move with their wholes.
+
+    Args:
+        table: K objects whose motions were found.
+        standing: Residuals of the objects as static.
+        free: (K,) see `free_space`.
+    """
+    objects, expected, moving = table.points, table.expected, table.moving
+    are_parts = table.wholes != objects.numbers
+    lengths = np.sqrt((moving.motions**2).sum(axis=1))
+    is_same = expected.is_known & are_same(moving.motions, expected.motions)
+    shares = _log_share(moving.cost, standing.cost) + _log_share(moving.older, standing.older)
+    thicknesses = np.log1p(objects.thicknesses / NOISE_M)
+    columns = (
+        np.ones(len(table)),
+        np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
+        expected.scores,
+        np.log1p(lengths) * ~is_same,
+        shares * thicknesses,
+        shares * np.log(objects.counts),
+        shares * objects.tops,
+        are_parts,
+    )
+    return np.stack(columns, axis=1).astype(np.float64)
+
+
+def _log_share(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.log((part + NOISE_M) / (whole + NOISE_M))
+
+
+def moves(
+    numbers: NDArray[np.int64],
+    wholes: NDArray[np.int64],
+    motions: NDArray[np.float32],
+    scores: NDArray[np.float64],
+    interval_s: float,
+    settings: ObjectSettings,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Returns masks (K,) of the objects that may move and are followed, and of those that move.
+
+    Only the likelier of a part and its whole may move: the whole is static, or the part moves with
+    it.
+
+    Args:
+        numbers: (K,) the objects.
+        wholes: (K,) the object that each was cut out of, else its own number.
+        motions: (K, 3) metres, to the next sweep.
+        scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+        interval_s: Time to the next sweep.
+        settings: Settings of the objects.
+    """
+    are_parts = wholes != numbers
+    lengths = np.hypot(motions[:, 0], motions[:, 1])
+    is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
+    is_possible &= lengths <= settings.max_speed_m_s * interval_s
+    limit = np.log(settings.min_probability / (1 - settings.min_probability))
+    may_move = is_possible & (scores > limit - _TENTATIVE)
+    alone, best = are_parts & may_move, np.full(numbers.max(initial=0) + 1, -np.inf)
+    np.maximum.at(best, wholes[alone], scores[alone])
+    may_move &= are_parts | (scores >= best[numbers])
+    may_move &= ~are_parts | ~np.isin(wholes, numbers[may_move])
+    return may_move, may_move & (scores > limit)

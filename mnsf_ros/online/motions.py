@@ -1,0 +1,216 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Motions of objects: fitted to one sweep, judged on all, and the best of several (fusion)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
+from mnsf_ros.online.rows import Rows
+from mnsf_ros.online.target import NUM_STEPS, Target, Targets
+
+# Nearest points underestimate motion along surfaces: a longer step converges sooner.
+_STEP: Final = 1.8
+# A motion explains clearly more than another one if it leaves less than this share of its residual.
+# A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
+# change, most of all when a vehicle brakes.
+CLEARLY_SHARE: Final = 0.8
+# A motion of this prior cost must have a residual smaller by a factor of e.
+_PRIOR_SCALE: Final = 6.0
+# A motion shifted by this should have a larger residual; along a flat side it does not.
+_BESIDE_M: Final = 0.2
+# Motions are the same if they differ by less than this share of the longer one plus a metre.
+_SAME_SHARE: Final = 0.1
+
+# Motions (K, 3) to their prior costs, see `Expectation.prior_cost`.
+PriorCost = Callable[[NDArray[np.float32]], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMotions(Rows):
+    """Motions of K objects, and how well they explain the other sweeps.
+
+    Attributes:
+        motions: (K, 3) float32, metres, over ground, to the next sweep.
+        near: (K, 2) metres, residuals in the next and the previous sweep, see
+            `Target.residuals`; (K, 1) without a previous one.
+        past: (K, P) metres, residuals in P older sweeps.
+    """
+
+    motions: NDArray[np.float32]
+    near: NDArray[np.float64]
+    past: NDArray[np.float64]
+
+    @cached_property
+    def total(self) -> NDArray[np.float64]:
+        """(K,) metres, the sum of `cost` and `older`."""
+        return self.cost + self.older
+
+    @cached_property
+    def cost(self) -> NDArray[np.float64]:
+        """(K,) metres, the mean residual in the next and the previous sweep."""
+        return self.near.mean(axis=1)
+
+    @property
+    def older(self) -> NDArray[np.float64]:
+        """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
+        return self.past.mean(axis=1) if self.past.shape[1] else self.cost
+
+    def posterior_cost(self, prior_cost: PriorCost) -> NDArray[np.float64]:
+        """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""
+        excess = np.exp(prior_cost(self.motions) / _PRIOR_SCALE)
+        return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
+
+    def better(
+        self, other: "JudgedMotions", prior_cost: PriorCost, share: float = 1.0
+    ) -> "JudgedMotions":
+        """Returns for each object its own motion, or the other one if that is more likely.
+
+        The other motion wins if its posterior cost is less than `share` times the own one.
+        """
+        wins = other.posterior_cost(prior_cost) < share * self.posterior_cost(prior_cost)
+        return JudgedMotions(
+            np.where(wins[:, None], other.motions, self.motions),
+            np.where(wins[:, None], other.near, self.near),
+            np.where(wins[:, None], other.past, self.past),
+        )
+
+
+def are_same(
+    motions: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]
+) -> NDArray[np.bool_]:
+    """Returns (K,) whether motions (K, 3) are as good as others (K, 3), both in metres."""
+    apart = np.sqrt(((motions - others) ** 2).sum(axis=1))
+    longer = np.sqrt(np.maximum((motions**2).sum(axis=1), (others**2).sum(axis=1)))
+    return apart < _SAME_SHARE * (1.0 + longer)
+
+
+def fit_motion_field(
+    objects: ObjectPoints, target: Target, start: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """The forward and the backward field: moves each object until it lies on the target.
+
+    Returns (K, 3) metres, from the current sweep to the target, after the interval between their
+    stamps.
+
+    Args:
+        objects: K objects of the current sweep.
+        target: The sweep at t+1 for the forward field, at t-1 for the backward field.
+        start: (K, 3) metres, motion to the next sweep to start from.
+    """
+    num_steps = target.steps_of(objects, start)
+    slopes = target.current.ground.slopes(objects.centers)
+    flows = num_steps * start
+    for _ in range(NUM_STEPS):
+        flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
+        flows += (_STEP * target.pulls(objects, flows)).astype(np.float32)
+    flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
+    return np.asarray(flows * (np.float32(target.steps) / num_steps), np.float32)
+
+
+def judge(
+    objects: ObjectPoints,
+    targets: Targets,
+    motions: NDArray[np.float32],
+    most_m: NDArray[np.float64] | float = np.inf,
+) -> JudgedMotions:
+    """Returns motions (K, 3) with their residuals on all targets.
+
+    Args:
+        objects: K objects.
+        targets: The other sweeps.
+        motions: (K, 3) metres, to the next sweep.
+        most_m: (K,) metres; totals above are infinite.
+    """
+    sweeps = (*targets.near, *targets.past)
+    residuals = np.empty((len(objects), len(sweeps)))
+    left_m = np.broadcast_to(most_m, len(objects))
+    for column, target in enumerate(sweeps):
+        size = len(targets.near) if column < len(targets.near) else len(targets.past)
+        residuals[:, column] = target.residuals(objects, motions, size * left_m)
+        left_m = left_m - residuals[:, column] / size
+    residuals[left_m < 0] = np.inf
+    near, past = np.split(residuals, [len(targets.near)], axis=1)
+    return JudgedMotions(motions, near, past)
+
+
+def best_of(
+    objects: ObjectPoints,
+    targets: Targets,
+    first: JudgedMotions,
+    others: Sequence[NDArray[np.float32]],
+    prior_cost: PriorCost,
+) -> JudgedMotions:
+    """Returns for each object the best of several motions, the first if in doubt.
+
+    Args:
+        objects: K objects.
+        targets: The other sweeps.
+        first: Judged motions.
+        others: (K, 3) metres each, further candidates.
+        prior_cost: Of motions.
+    """
+    tried = np.stack([first.motions, *others])
+    are_again = [
+        (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
+    ]
+    excess = np.exp(np.concatenate([prior_cost(each) for each in others]) / _PRIOR_SCALE)
+    most_m = np.tile(first.posterior_cost(prior_cost), len(others)) / excess - 2 * NOISE_M
+    motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
+    objects = objects.repeated(len(others)).take(new)
+    found = judge(objects, targets, motions[new], most_m=most_m[new])
+    near, past = (
+        np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
+    )
+    near[new], past[new] = found.near, found.past
+    judged = JudgedMotions(motions, near, past)
+    for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
+        first = first.better(judged.take(rows), prior_cost)
+    return first
+
+
+def fuse_motions(
+    objects: ObjectPoints,
+    targets: Targets,
+    forward: NDArray[np.float32],
+    inverted: NDArray[np.float32],
+    others: Sequence[NDArray[np.float32]],
+    prior_cost: PriorCost,
+) -> JudgedMotions:
+    """Makes one motion of two (section 3 of the paper; here without a network).
+
+    Args:
+        objects: K objects.
+        targets: The other sweeps.
+        forward: (K, 3) metres, the forward flow.
+        inverted: (K, 3) metres, the inverted backward flow.
+        others: (K, 3) metres each, further candidates.
+        prior_cost: Of motions.
+    """
+    mean = np.float32(0.5) * (forward + inverted)
+    fitted = best_of(
+        objects, targets, judge(objects, targets, mean), (forward, inverted), prior_cost
+    )
+    best = best_of(objects, targets, fitted, others, prior_cost)
+    return fitted.better(best, prior_cost, CLEARLY_SHARE)
+
+
+def residual_rise_m(
+    objects: ObjectPoints, moving: JudgedMotions, targets: Targets
+) -> NDArray[np.float64]:
+    """Returns (K,) metres, the smallest rise of the residual when the motion is shifted.
+
+    The shifts are along and across the object. For a flat side that can slide along itself the
+    rise is 0: the motion is a guess.
+    """
+    angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
+    motions = np.tile(moving.motions, (5, 1, 1))
+    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
+    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
+    judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
+    own, *others = judged.total.reshape(5, len(objects))
+    return np.maximum(np.min(others, axis=0) - own, 0.0)

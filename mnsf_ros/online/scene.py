@@ -1,0 +1,171 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The last sweeps, each prepared once, and the targets of the current one."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mnsf_ros.core.flow_estimate import Effort
+from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
+from mnsf_ros.online.object_sweep import ObjectSweep
+from mnsf_ros.online.target import Target, Targets
+from mnsf_ros.online.tracks import Track
+from mnsf_ros.settings import ObjectSettings, Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Sweep, SweepTriplet
+
+# Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
+# much; within the second a slow pedestrian moves by more than the noise.
+_PAST_S: Final = (0.3, 0.6)
+_MAX_SWEEPS: Final = 12
+
+
+@dataclass(frozen=True, eq=False)
+class ReadySweeps:
+    """The sweeps of one triplet and those before it, all in one world. Never changed.
+
+    Attributes:
+        last: Oldest first; the last one is the triplet's next sweep.
+        of_triplet: The previous sweep, if there is one, the current and the next one.
+        time_ms: Run time of the preparation of sweeps that were not ready yet.
+    """
+
+    last: tuple[ObjectSweep, ...]
+    of_triplet: tuple[ObjectSweep, ...]
+    time_ms: float
+
+    def near(self, interval_ratio: float) -> list[Target]:
+        """Neighbouring sweeps to test motions on: the next one, and the previous one if known.
+
+        Args:
+            interval_ratio: Of the triplet.
+        """
+        *before, current, next_ = self.of_triplet
+        near = [Target.of(next_, current, 1.0)]
+        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
+            # Otherwise the current sweep cannot be related to the previous one.
+            near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in before]
+        return near
+
+    def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
+        """Available older sweeps to test motions on, the youngest first.
+
+        Args:
+            current: The current sweep.
+            interval_s: Time to the next sweep.
+        """
+        if interval_s <= 0:
+            return []
+        ages: dict[ObjectSweep, float] = {}
+        for sweep in reversed(self.last):
+            age = (current.sweep.stamp_ns - sweep.sweep.stamp_ns) / NANOSECONDS
+            if age > 0:
+                ages[sweep] = age
+            if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
+                # Its pose relative to the earlier sweeps is not known.
+                break
+        found: list[ObjectSweep] = []
+        for past_s in _PAST_S:
+            near = {
+                abs(age - past_s): sweep
+                for sweep, age in ages.items()
+                if abs(age - past_s) < _PAST_S[0] / 2 and age > 1.5 * interval_s
+            }
+            found += [near[min(near)]] if near else []
+        return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]
+
+
+class PreparedSweeps:
+    """Finds the poses of sweeps and makes them ready. For one thread at a time."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._poses = SensorPoses(settings.ego_motion)
+        self._sweeps: dict[Sweep, ObjectSweep] = {}
+
+    def ready(self, triplet: SweepTriplet) -> ReadySweeps:
+        """Prepares the sweeps of a triplet that are not ready yet.
+
+        Raises:
+            SweepError: If too few points of one are left.
+        """
+        start_s = time.perf_counter()
+        sweeps = (*triplet.before[:1], triplet.current, triplet.next)
+        # All poses first: how the sensor moved in the first sweep is known from the second one.
+        for sweep, pose in self._poses.of(sweeps).items():
+            if sweep not in self._sweeps:
+                self._add(sweep, pose)
+        of_triplet = tuple(self._sweeps[sweep] for sweep in sweeps)
+        time_ms = (time.perf_counter() - start_s) * 1e3
+        return ReadySweeps(tuple(self._sweeps.values()), of_triplet, time_ms)
+
+    def _add(self, sweep: Sweep, pose: SensorPose) -> None:
+        if pose.source is EgoSource.START:
+            pose = replace(pose, motion=self._poses.motion_in(sweep))
+        # Here, not after a whole triplet: there may never be one if every third sweep is refused.
+        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        while len(self._sweeps) > _MAX_SWEEPS:
+            del self._sweeps[next(iter(self._sweeps))]
+
+
+def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
+    """Returns the sweep with new points as parts of the objects that they touch.
+
+    A point is new if another sweep saw through its place and had no point near it. It may belong
+    to a pedestrian in a row of parked cars, or to the front of a bus; `moves` decides.
+
+    Args:
+        current: The sweep.
+        targets: Sweeps before it.
+    """
+    has_come = np.zeros(len(current.thinned), dtype=bool)
+    for target in targets:
+        has_come |= target.are_new(current.thinned)
+    return current.with_parts(np.flatnonzero(has_come & (current.thinned_objects > 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Input of one estimate: the current sweep and its targets.
+
+    Attributes:
+        current: The middle sweep.
+        targets: The other sweeps.
+        tracks: The tracks, predicted to the current sweep.
+        interval_s: Time to the next sweep; 0 without stamps.
+        start: Whether the estimate starts warm, else why not.
+        settings: Settings of the objects.
+    """
+
+    current: ObjectSweep
+    targets: Targets
+    tracks: list[Track]
+    interval_s: float
+    start: Start
+    settings: ObjectSettings
+
+    @classmethod
+    def of(
+        cls,
+        triplet: SweepTriplet,
+        ready: ReadySweeps,
+        tracks: list[Track],
+        start: Start,
+        settings: ObjectSettings,
+        effort: Effort,
+    ) -> "Scene":
+        """Returns the scene of a triplet whose sweeps are ready."""
+        *_, current, _ = ready.of_triplet
+        near = ready.near(triplet.interval_ratio)
+        interval_s = max(0.0, triplet.interval_s)
+        past = ready.past(current, interval_s) if effort is Effort.FULL else []
+        current = split(current, past)
+        near, past = ([replace(one, current=current) for one in each] for each in (near, past))
+        return cls(current, Targets(near, past), tracks, interval_s, start, settings)
+
+    @property
+    def usual_interval_s(self) -> float:
+        """The time to the next sweep in seconds, or its usual value if that is not known."""
+        return self.interval_s or USUAL_INTERVAL_S

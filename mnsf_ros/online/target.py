@@ -1,0 +1,200 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Target: another sweep that moved points of the current one are compared with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
+from mnsf_ros.geometry.point_sets import chosen_points
+from mnsf_ros.geometry.rigid_motion import transformed, turned
+from mnsf_ros.online.object_points import ObjectPoints
+from mnsf_ros.online.object_sweep import TOUCH_M, ObjectSweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# Limit of the residual of a point that would be hidden or out of view; else it is the reach.
+_HIDDEN_M: Final = 0.1
+# Steps of the fit of a motion to a target.
+NUM_STEPS: Final = 4
+# An object measured at the end of one sweep and at the beginning of the next has hardly moved. Its
+# share of the interval is at least this.
+_MIN_SHARE_OF_STEPS: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A sweep to compare with.
+
+    Attributes:
+        sweep: The sweep.
+        from_current: (4, 4), target_from_current of static points.
+        steps: Time to this sweep in intervals to the next sweep: 1 for the next sweep, -1 for the
+            previous one if the intervals are equal.
+        current: The current sweep.
+    """
+
+    sweep: ObjectSweep
+    from_current: NDArray[np.float64]
+    steps: float
+    current: ObjectSweep
+
+    @classmethod
+    def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> "Target":
+        """Returns another sweep as a target for the current one."""
+        target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
+        from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
+        return cls(sweep, from_current, steps, current)
+
+    @cached_property
+    def to_current(self) -> NDArray[np.float64]:
+        """(4, 4) current_from_target of static points."""
+        return np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
+
+    def steps_of(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns `steps` as (1, 1), or as (K, 1) by the times at which objects were measured.
+
+        A turning lidar meets an object that changes its azimuth sooner or later than after the
+        interval of the sweeps, by up to a revolution where a sweep begins.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
+        """
+        steps = np.full((1, 1), self.steps, np.float32)
+        here, there = self.current.clock, self.sweep.clock
+        between_s = (self.sweep.sweep.stamp_ns - self.current.sweep.stamp_ns) / NANOSECONDS
+        if here is None or there is None or between_s == 0 or len(objects) == 0:
+            return steps
+        moved = transformed(objects.centers + steps * motions, self.from_current)
+        late_s = there.times_of(moved) - here.times_of(objects.centers)
+        shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_STEPS)
+        return (shares[:, None] * self.steps).astype(np.float32)
+
+    def pulls(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
+
+        Args:
+            objects: K objects.
+            flows: (K, 3) metres, their motions until the target.
+        """
+        exactly = np.zeros_like(objects.spacing)
+        _, vectors, counts = self.sweep.grid.compared(
+            objects.positions, objects.owners, flows, self.from_current, exactly
+        )
+        means = vectors / np.maximum(counts, 1)[:, None]
+        return turned(means, self.from_current[:3, :3].T)
+
+    def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which points (P, 3) are new: the sweep saw through, and had none near."""
+        places = transformed(points, self.from_current)
+        is_new = self.sweep.view.are_free(places)
+        free = chosen_points(places, is_new)
+        is_new[is_new] = self.sweep.grid.nearest(free, TOUCH_M) < 0
+        return is_new
+
+    @cached_property
+    def gone(self) -> NDArray[np.float32]:
+        """(G, 3) metres, current frame, points of possible movers whose places are free by now."""
+        may_move = self.sweep.may_move[self.sweep.thinned_objects]
+        points = chosen_points(self.sweep.thinned, may_move)
+        is_gone = Target(self.current, self.to_current, 1.0, self.sweep).are_new(points)
+        return transformed(chosen_points(points, is_gone), self.to_current)
+
+    @property
+    def objects_beside_gone(self) -> NDArray[np.int64]:
+        """The numbers of the objects of the current sweep that are beside points that are gone."""
+        nearest = self.current.grid.nearest(self.gone)
+        labels = self.current.thinned_objects[nearest[nearest >= 0]]
+        return np.append(labels, self.current.wholes[labels])
+
+    def num_free(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Returns (K,) how many points of each object are in free space of the sweep.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
+        """
+        moved = objects.positions + self.shifts(objects, motions)[objects.owners]
+        free = self.sweep.view.are_free(transformed(moved, self.from_current))
+        return np.asarray(objects.sums(free.astype(np.int64)), np.int64)
+
+    def rows_of_gone(self, places: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Returns (M,) the row of the nearest place for each point of `gone` that is near one.
+
+        Args:
+            places: (P, 3) metres, current frame.
+        """
+        nearest = PointGrid(places).nearest(self.gone, TOUCH_M)
+        return nearest[nearest >= 0]
+
+    def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3), frame of the target, are hidden or out of view.
+
+        They are behind a surface, or in a direction without returns in both sweeps.
+        """
+        view = self.sweep.view
+        return view.are_hidden(places) | view.are_beside(places, self.current.view)
+
+    def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (P,) metres, the largest residuals of points with flows to this sweep.
+
+        Args:
+            objects: Of P points.
+            flows: (P, 3) metres, how far they are moved.
+        """
+        places = transformed(objects.positions + flows, self.from_current)
+        return self.sweep.view.limits_m(places, self.current.view, REACH_M, _HIDDEN_M)
+
+    def residuals(
+        self,
+        objects: ObjectPoints,
+        motions: NDArray[np.float32],
+        most_m: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Returns the residuals of moved objects: mean distance to the target beyond the spacing.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
+            most_m: (K,) metres; residuals above need not be exact.
+
+        Returns:
+            (K,) metres, mean over each object's points, truncated by `limits_m`.
+        """
+        shifts = self.shifts(objects, motions)
+        sums, _, _ = self.sweep.grid.compared(
+            objects.positions,
+            objects.owners,
+            shifts,
+            self.from_current,
+            objects.spacing,
+            self.limits_m(objects, shifts[objects.owners]),
+            None if most_m is None else most_m * objects.counts,
+        )
+        return np.asarray(sums / objects.counts, np.float64)
+
+    def shifts(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (K, 3) metres, the motions of objects until the time of the target.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
+        """
+        return self.steps_of(objects, motions) * motions if motions.any() else motions
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The other sweeps that motions are judged on.
+
+    Attributes:
+        near: Next sweep, and previous sweep where there is one.
+        past: Older sweeps, the youngest first, where there are some.
+    """
+
+    near: Sequence[Target]
+    past: Sequence[Target]

@@ -1,0 +1,123 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Tracked objects: box, velocity and age of each mover."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.compiled import compiled
+from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.online.object_sweep import ObjectSweep
+from mnsf_ros.online.tracks import Track
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+
+def tracked_objects(
+    tracks: Sequence[Track], current: ObjectSweep, point_ids: NDArray[np.int32]
+) -> tuple[TrackedObject, ...]:
+    """Returns the objects that move, those seen and those hidden at present.
+
+    Args:
+        tracks: K tracks at the time of the current sweep.
+        current: The sweep.
+        point_ids: (N,) the number of the track that each of its points belongs to, 0 for none.
+    """
+    turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
+    motion = current.pose.motion
+    stamp_from_moment = np.eye(4)
+    if motion is not None:
+        stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
+    moving = np.flatnonzero(point_ids > 0)
+    moving = moving[np.argsort(point_ids[moving], kind="stable")]
+    ids = point_ids[moving]
+    found = []
+    for track in tracks:
+        seen = moving[slice(*np.searchsorted(ids, (track.track_id, track.track_id + 1)))]
+        points = np.take(current.xyz, seen, axis=0)
+        if len(seen) == 0:
+            points = turned(track.points - place, turn.T).astype(np.float32)
+        if len(seen) or _is_hidden(track, points, current):
+            found.append(_told(track, points, current, seen, stamp_from_moment))
+    return tuple(found)
+
+
+def _told(
+    track: Track,
+    points: NDArray[np.float32],
+    current: ObjectSweep,
+    seen: NDArray[np.int64],
+    stamp_from_moment: NDArray[np.float64],
+) -> TrackedObject:
+    """A track at the stamp of the sweep, in the frame of the sensor then.
+
+    Args:
+        track: The track.
+        points: (P, 3) metres, where its points are in one moment.
+        current: The sweep.
+        seen: Their rows in the sweep; none if it is hidden.
+        stamp_from_moment: (4, 4) from the frame of the moment.
+    """
+    velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
+    box = _box(points, velocity)
+    center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
+    if motion is not None and times_s is not None:
+        # The points of a mover hold for the time at which they were measured.
+        center = center - velocity * (times_s[seen].mean() if len(seen) else motion.moment_s)
+    turn = stamp_from_moment[:3, :3]
+    x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
+    return TrackedObject(
+        track_id=track.track_id,
+        center=turn @ center + stamp_from_moment[:3, 3],
+        size=box[3:6],
+        yaw=float(np.arctan2(y, x)),
+        velocity=turn @ velocity,
+        turn_rate=track.turn_rate,
+        covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
+        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
+        num_points=len(seen),
+    )
+
+
+def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
+    """Whether the object likely moves, and most of its predicted points (P, 3) are occluded."""
+    return track.score > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
+
+
+@compiled("float64[::1](float32[:, ::1], float64[::1])")
+def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the upright box (7,) around points (P, 3), P > 0: center and size, metres, and yaw.
+
+    Its yaw is the direction of the velocity (3,), or the longest direction if that gives a smaller
+    box: for slow objects the direction of the velocity is mostly noise.
+    """
+    middle = np.zeros(3)
+    for row in range(len(points)):
+        for axis in range(3):
+            middle[axis] += points[row, axis] / len(points)
+    across, along = 0.0, 0.0
+    for row in range(len(points)):
+        x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+        across += 2 * x * y
+        along += x * x - y * y
+    goes, longest = np.arctan2(velocity[1], velocity[0]), np.arctan2(across, along) / 2
+    if np.cos(longest - goes) < 0:
+        longest += np.pi
+    box = np.full(7, np.inf)
+    low, high, place = np.empty(3), np.empty(3), np.empty(3)
+    for yaw in (goes, longest):
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        low[:], high[:] = np.inf, -np.inf
+        for row in range(len(points)):
+            x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+            place[0], place[1] = cosine * x + sine * y, cosine * y - sine * x
+            place[2] = points[row, 2] - middle[2]
+            for axis in range(3):
+                low[axis], high[axis] = min(low[axis], place[axis]), max(high[axis], place[axis])
+        size = high - low
+        if size[0] * size[1] < box[3] * box[4]:
+            x, y, z = (low + high) / 2
+            box[0], box[1] = middle[0] + cosine * x - sine * y, middle[1] + sine * x + cosine * y
+            box[2], box[3:6], box[6] = middle[2] + z, size, yaw
+    return box
