@@ -65,7 +65,7 @@ def read_examples(
             clouds = truth_clouds(reader, recording.truth, findings)
             truth = TruthTrack(clouds, findings, str(reader.path))
         if recording.odometry is not None:
-            recorded = recorded_poses(reader, recording.odometry, findings)
+            recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
             poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
