@@ -4,7 +4,7 @@
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,8 @@ class TruthSettings:
             of the data sets prepared for NSFP, FNSF and MNSF.
         unlabelled_static: Whether points outside the labelled area are static instead of unknown.
         official: Whether points belong to boxes as in the official labels of Argoverse 2 (av2-api
-            01e6d958, `Flow.from_sweep_pair`) instead, see `official_box_of_points`.
+            01e6d958, `Flow.from_sweep_pair`) instead, see `official_box_of_points`; the flow to a
+            hidden box is unknown.
     """
 
     box_margin_m: float = 0.6
@@ -44,6 +45,9 @@ def sweep_truth(
     ground, boxes = _ground_of(sweep), sweep.boxes or ()
     if settings.official:
         owner = official_box_of_points(sweep.xyz, boxes)
+        if following is not None:
+            seen = (box for box in following.boxes or () if not box.hidden)
+            following = replace(following, boxes=tuple(seen))
     else:
         owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
     class_id = sweep.class_id
