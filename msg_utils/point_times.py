@@ -67,12 +67,12 @@ def decode_times(
     wanted: npt.NDArray[np.bool_],
     stamp_ns: int,
     rule: TimeRuleLike,
-    interval_s: float | None = None,
+    interval_s: float,
 ) -> PointTimes:
     """Reads the times of the wanted points (height * width,) of a cloud of this stamp.
 
     Unfit times are a fault of the result, not an error. `auto` of the rule is decided by type, name
-    and values of the fields, and by the interval of the clouds if it is known.
+    and values of the fields, and by the interval of the clouds.
 
     Raises:
         MessageError: The cloud cannot be decoded.
@@ -100,7 +100,7 @@ def _times_of(
     wanted: npt.NDArray[np.bool_],
     stamp_ns: int,
     rule: TimeRuleLike,
-    interval_s: float | None,
+    interval_s: float,
 ) -> PointTimes:
     scalar = column.dtype
     if column.ndim > 1:
@@ -144,7 +144,7 @@ def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _unit(
-    first: float, last: float, kind: str, interval_s: float | None, rule: TimeRuleLike
+    first: float, last: float, kind: str, interval_s: float, rule: TimeRuleLike
 ) -> tuple[str, float]:
     """Returns the unit in which the values span a sweep, and its seconds."""
     if rule.unit != AUTO:
@@ -152,15 +152,12 @@ def _unit(
     if first == last:
         raise _UnfitError(f"all values are {first:g}")
     span = last - first
-    if kind == "f" and first >= 0 and span >= _SHARES and last <= 1:
-        if interval_s is None:
-            raise _UnfitError("values from 0 to 1 may be shares of a sweep: the next stamp tells")
-        if interval_s < span / 2:
-            return "shares of the interval", interval_s
+    if kind == "f" and first >= 0 and last <= 1 and span >= max(_SHARES, 2 * interval_s):
+        return "shares of the interval", interval_s
     for unit in _USUAL_UNITS[kind]:
         if _SHORTEST_S <= span * UNITS_S[unit] < _LONGEST_S:
             return unit, UNITS_S[unit]
-    if interval_s and _SHARES * interval_s <= span * UNITS_S["ms"] <= interval_s / _SHARES:
+    if _SHARES * interval_s <= span * UNITS_S["ms"] <= interval_s / _SHARES:
         return "ms", UNITS_S["ms"]
     units = ", ".join(_USUAL_UNITS[kind])
     raise _UnfitError(f"values from {first:g} to {last:g} span no sweep in any of {units}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
@@ -71,10 +71,10 @@ class CloudReader:
         return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 
     @property
-    def _interval_s(self) -> float | None:
-        """The usual interval; None if unknown."""
+    def _interval_s(self) -> float:
+        """The usual interval; that of most lidars until the second cloud."""
         interval_ns = float(np.median(np.diff(self._stamps_ns))) if len(self._stamps_ns) > 1 else 0
-        return interval_ns / NANOSECONDS if interval_ns > 0 else None
+        return interval_ns / NANOSECONDS if interval_ns > 0 else USUAL_INTERVAL_S
 
 
 def flow_cloud(

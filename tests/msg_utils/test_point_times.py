@@ -21,7 +21,7 @@ def cloud_of(**columns):
     return encode_columns({**xyz, **columns}, 1, NUM)
 
 
-def decoded(*, rule=TimeSettings(), interval_s=None, **columns):  # noqa: B008
+def decoded(*, rule=TimeSettings(), interval_s=0.1, **columns):  # noqa: B008
     return decode_times(cloud_of(**columns), ALL, STAMP_NS, rule, interval_s)
 
 
@@ -97,7 +97,6 @@ def test_shares_of_the_sweep_and_milliseconds_are_told_by_the_interval():
     np.testing.assert_allclose(decoded(time=shares, interval_s=1.0).times_s, shares, atol=1e-6)
     in_ms = decoded(time=1e3 * SWEEP_S, interval_s=0.1)
     np.testing.assert_allclose(in_ms.times_s, SWEEP_S, atol=1e-6)
-    assert "'time': values from 0 to 1" in decoded(time=shares).fault
 
 
 UNFIT = {
@@ -125,6 +124,6 @@ def test_clouds_without_such_a_field_have_no_fault():
     assert times.times_s is None
     assert times.fault == ""
     no_points = encode_columns({"t": np.zeros(0, np.uint32)}, 1, 0)
-    empty = decode_times(no_points, np.zeros(0, bool), 0, TimeSettings())
+    empty = decode_times(no_points, np.zeros(0, bool), 0, TimeSettings(), 0.1)
     assert empty.times_s is None
     assert empty.fault == ""
