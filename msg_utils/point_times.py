@@ -108,17 +108,7 @@ def _times_of(
     if rule.field == AUTO and scalar.itemsize < _MIN_BYTES:
         raise _UnfitError(f"is of type {scalar}, expected at least {8 * _MIN_BYTES} bits")
     values = np.compress(wanted, column).astype(np.float64)
-    if scalar.kind == "u":  # Numbers below 0 have become the largest ones.
-        wrap = 2.0 ** (8 * scalar.itemsize)
-        values -= wrap * np.round((values - _most(values)[0]) / wrap)
-    low, high = _most(values)
-    away = _MAX_AWAY * (high - low)
-    is_time = (values >= low - away) & (values <= high + away)
-    if num_bad := len(values) - int(np.count_nonzero(is_time)):
-        if num_bad > 2 * _FEW * len(values):
-            raise _UnfitError(f"{num_bad:,} values are not finite or far from the others")
-        values[~is_time] = np.nan
-    first, last = float(np.nanmin(values)), float(np.nanmax(values))
+    first, last = _without_the_lost(values, scalar)
     unit, unit_s = _unit(first, last, scalar.kind, interval_s, rule)
     span_s = (last - first) * unit_s
     if not _SHORTEST_S <= span_s < _LONGEST_S:
@@ -131,6 +121,27 @@ def _times_of(
     values *= unit_s
     source = f"field {describe(name)} ({scalar.name}, {unit}, {meaning})"
     return PointTimes(values.astype(np.float32), source)
+
+
+def _without_the_lost(
+    values: npt.NDArray[np.float64], scalar: np.dtype[Any]
+) -> tuple[float, float]:
+    """Makes values that are no times of the sweep NaN; returns the first and the last time."""
+    low, high = _most(values)
+    wrap = 2.0 ** (8 * scalar.itemsize)
+    if scalar.kind == "u" and values.max() - low > wrap / 2:
+        # Numbers below 0 have become the largest ones.
+        values -= wrap * np.round((values - low) / wrap)
+        low, high = _most(values)
+    away = _MAX_AWAY * (high - low)
+    earliest, latest = low - away, high + away
+    if not (earliest <= values.min() and values.max() <= latest):  # or NaN
+        is_lost = ~((values >= earliest) & (values <= latest))
+        if (num_lost := int(np.count_nonzero(is_lost))) > 2 * _FEW * len(values):
+            raise _UnfitError(f"{num_lost:,} values are not finite or far from the others")
+        values[is_lost] = np.nan
+        return float(np.nanmin(values)), float(np.nanmax(values))
+    return float(values.min()), float(values.max())
 
 
 def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:
