@@ -60,6 +60,14 @@ class Event(str, Enum):
     TRUTH_REORDERED = "truth clouds whose rows have another order, matched by position"
     TRUTH_ROWS_UNFIT = "points whose position is not in their truth, without truth"
     TRUTH_ROWS_COMPARED = "points of the sweeps with such points"
+    LEVELLED = (
+        "sweeps of a lidar that is tilted, upside down, or not at the origin; turned upright for "
+        "methods (lidar_1.roll_deg, lidar_1.pitch_deg)"
+    )
+    MISPLACED = (
+        "sweeps whose frame has its origin on or below the ground, not at the lidar: set "
+        "lidars.frame to this frame, and lidar_1.x_m to lidar_1.z_m to the place of the lidar in it"
+    )
     FRAMES_DIFFER = (
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
         "sensor_yaw_deg to where the sensor is mounted"
