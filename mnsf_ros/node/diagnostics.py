@@ -67,6 +67,8 @@ class InputState:
     times: str = ""  # origin of the time of each point
     pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
+    mounting: str = "unknown"
+    misplaced: str = ""  # why the origin of the clouds is not at the lidar; empty if it may be
 
 
 class _Moment(NamedTuple):
@@ -151,6 +153,7 @@ class Diagnostics:
             (new[CLOUDS_EMPTY], _WARN, "clouds without a finite point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
+            (state.misplaced, _WARN, "the origin of the clouds is not at the lidar (see the log)"),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
         )
@@ -163,6 +166,7 @@ class Diagnostics:
             "reliability": state.reliability,
             "rate [Hz]": f"{self._rate_hz(SWEEPS_RECEIVED):.2f}",
             "time of each point": state.times or "unknown",
+            "mounting": state.mounting,
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)

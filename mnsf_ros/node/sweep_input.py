@@ -4,6 +4,7 @@
 import time
 from collections import deque
 from collections.abc import Callable, Container, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -20,6 +21,7 @@ from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroup, LidarGroups, merged_sweep
 
@@ -28,6 +30,7 @@ TRANSFORMS_MISSING: Final = "transforms_missing"
 _POLL_PERIOD_S: Final = 0.02
 # More sweeps than any lidar sends within the longest wait.
 _MAX_WAITING: Final = 50
+_UP: Final = np.array([0.0, 0.0, 1.0])
 # A stamp this much older than the last one means that the clock jumped, as when a bag loops.
 _JUMP_NS: Final = NANOSECONDS
 
@@ -62,6 +65,7 @@ class SweepInput:
         self._odometry = OdometrySubscription(node, "~/odometry", report)
         self._waiting: deque[ArrivedSweep] = deque()
         self._last_ns = 0
+        self._mountings: dict[str, Mounting] = {}  # by frame_id
         # They need neither odometry nor transforms.
         self._settings = Settings()
         self.change_settings(settings)
@@ -111,6 +115,7 @@ class SweepInput:
     def reset(self) -> None:
         """Forgets all waiting sweeps and earlier poses."""
         self._waiting.clear()
+        self._mountings.clear()
         if self._merging is not None:
             self._merging.clear()
         self._odometry.change_settings(self._settings.ego_motion, self.transforms)
@@ -169,7 +174,19 @@ class SweepInput:
             if sweep is None:
                 return
             self._waiting.popleft()
-            self._on_sweep(sweep, first.arrived_ns)
+            self._on_sweep(self._mounted(sweep), first.arrived_ns)
+
+    def _mounted(self, sweep: Sweep) -> Sweep:
+        """The sweep with the mounting of its lidar by TF, if that is known; it is kept."""
+        lidars, frame_id = self._settings.lidars, sweep.frame_id
+        if self.transforms is None or lidars.poses != "tf" or frame_id == lidars.frame:
+            return sweep
+        if frame_id not in self._mountings:
+            with suppress(TransformError):
+                pose = self.transforms.find(lidars.frame, frame_id)
+                # The frame of a lidar has its lens at the origin.
+                self._mountings[frame_id] = Mounting.of(pose[2, :3], np.zeros(3), "by TF")
+        return replace(sweep, mounting=self._mountings.get(frame_id))
 
     def _located(self, sweep: Sweep, *, may_wait: bool) -> Sweep | None:
         """The sweep with the sensor's pose, if that is known; None if it may still arrive."""
@@ -207,6 +224,9 @@ class LidarMerging(LidarGroups):
     """
 
     missing: tuple[str, ...] = ()
+    # Between all lidars that were ever merged: the best single place to see the cloud from.
+    _mounting: Mounting | None = None
+    _num_merged = 0
 
     def __init__(self, topics: tuple[str, ...], report: Report) -> None:
         super().__init__(len(topics))
@@ -222,7 +242,11 @@ class LidarMerging(LidarGroups):
                 stamp_ns = group.reference.sweep.stamp_ns
                 header = Header(frame_id=settings.lidars.frame)
                 header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
-                sweep = merged_sweep(sweeps, poses, stamp_ns, header)
+                if len(poses) > self._num_merged:
+                    self._num_merged = len(poses)
+                    lens_m = np.mean([pose[:3, 3] for pose in poses.values()], axis=0)
+                    self._mounting = Mounting.of(_UP, lens_m, "between the lidars")
+                sweep = merged_sweep(sweeps, poses, stamp_ns, header, self._mounting)
                 yield ArrivedSweep(sweep, group.reference.arrived_ns)
 
     def _poses(

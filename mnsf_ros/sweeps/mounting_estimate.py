@@ -17,8 +17,9 @@ from mnsf_ros.sweeps.sweep import Sweep
 _REACH_M: Final = 30.0
 _CELL_M: Final = 0.5
 _MAX_POINTS: Final = 3000
+# Of fewer, chance puts a tenth on a plane.
+_MIN_POINTS: Final = 300
 # With a fifth of the points on the ground, four of so many planes are the ground's.
-_MIN_POINTS: Final = 50
 _NUM_PLANES: Final = 500
 _TOLERANCE_M: Final = 0.15
 # Share of points beyond the ground: mirrored by wet roads, or on a slope.

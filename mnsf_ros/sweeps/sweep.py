@@ -64,16 +64,23 @@ class Sweep:
         """The mounting, unless the frame is level already."""
         return None if self.mounting is None or self.mounting.is_level else self.mounting
 
-    @cached_property
+    @property
     def levelled(self) -> "Sweep":
-        """The sweep in a level frame whose origin is the lens; itself if that is its own frame."""
-        if self.tilt is None:
-            return self
-        odometry = self.odometry
+        """The sweep in a level frame whose origin is the lens; itself if that is its own frame.
+
+        Always the same object: methods know sweeps again by it.
+        """
+        # A sweep that refers to itself would live until the garbage collector comes.
+        return self if self.tilt is None else self._levelled
+
+    @cached_property
+    def _levelled(self) -> "Sweep":
+        mounting, odometry = self.mounting, self.odometry
+        assert mounting is not None  # noqa: S101 - see `levelled`
         return replace(
             self,
-            xyz=transformed(self.xyz, self.tilt.level_from_sensor),
-            odometry=None if odometry is None else odometry @ self.tilt.sensor_from_level,
+            xyz=transformed(self.xyz, mounting.level_from_sensor),
+            odometry=None if odometry is None else odometry @ mounting.sensor_from_level,
             mounting=None,
         )
 

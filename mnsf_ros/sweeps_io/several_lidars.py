@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import LidarsSettings
+from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource
 from msg_utils.point_cloud2 import decode_points, encode_columns
@@ -179,6 +180,7 @@ def merged_sweep(
     frame_from_lidar: Mapping[int, NDArray[np.float64]],
     stamp_ns: int,
     header: Any,  # noqa: ANN401 - std_msgs/Header
+    mounting: Mounting | None = None,
 ) -> Sweep:
     """Returns the points of all sweeps in one frame, with a CloudSource as `source`.
 
@@ -190,6 +192,7 @@ def merged_sweep(
         frame_from_lidar: Number of the lidar to its pose (4, 4) in the common frame.
         stamp_ns: Stamp of the merged sweep.
         header: Header of its cloud, with the name of the common frame.
+        mounting: Of the merged cloud.
     """
     xyz = np.concatenate(
         [
@@ -213,7 +216,7 @@ def merged_sweep(
     cloud = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
     times = PointTimes(times_s, "several lidars")
     source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)
-    return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
+    return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s, mounting=mounting)
 
 
 def _times_s(sweeps: list[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:

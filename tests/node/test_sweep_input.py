@@ -37,6 +37,7 @@ class Tf2(types.ModuleType):
 
     Attributes:
         found: Target frame, source frame and stamp (0: newest) to x of the transform, metres.
+        is_upside_down: Whether they have half a turn about x, too.
         num_clears: How often the buffer was cleared.
         sent: Transforms that were broadcast.
     """
@@ -46,6 +47,7 @@ class Tf2(types.ModuleType):
     def __init__(self):
         super().__init__("tf2_ros")
         self.found, self.num_clears, self.sent = {}, 0, []
+        self.is_upside_down = False
 
     def Buffer(self):  # noqa: N802 - as in tf2_ros
         return self
@@ -61,7 +63,8 @@ class Tf2(types.ModuleType):
 
     def lookup_transform(self, target, source, stamp):
         message = TransformStamped()
-        message.transform.rotation.w = 1.0
+        turn = message.transform.rotation
+        turn.x, turn.w = (1.0, 0.0) if self.is_upside_down else (0.0, 1.0)
         message.transform.translation.x = self.found[target, source, stamp.nanoseconds]
         return message
 
@@ -143,6 +146,22 @@ def test_sweeps_wait_for_their_transform_in_order_and_for_a_time(make, tf2, driv
     lidar.wait_for_sweeps(3)
     assert lidar.sweeps[2].odometry is None
     assert lidar.events == ["transforms_missing"]
+
+
+def test_the_mounting_is_looked_up_and_kept(make, tf2, drive):
+    it = make(ego_motion__source="tf", tf__timeout_s=0.0)
+    it.publish(drive.sweep(0))
+    it.wait_for_sweeps(1)
+    tf2.is_upside_down, tf2.found["base_link", "lidar", 0] = True, 1.0
+    it.publish(drive.sweep(1))
+    it.wait_for_sweeps(2)
+    tf2.is_upside_down = False
+    it.publish(drive.sweep(2), drive.sweep(3, frame_id="base_link"))
+    it.wait_for_sweeps(4)
+    unknown, found, kept, in_base = (sweep.mounting for sweep in it.sweeps)
+    assert unknown is in_base is None
+    assert kept is found
+    np.testing.assert_allclose(found.level_from_sensor, np.diag([1, -1, -1, 1]), atol=1e-12)
 
 
 def test_a_clock_that_jumps_back_clears_the_transforms(make, tf2, drive):
