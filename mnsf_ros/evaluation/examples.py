@@ -69,7 +69,7 @@ def read_examples(
             recorded = recorded_poses(reader, recording.odometry, findings)
             poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
-        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
+        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
         yield from builder.examples(sweeps)
 
 

@@ -7,7 +7,7 @@ What is noticed on the way is counted in Findings.
 import math
 from bisect import insort
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from operator import attrgetter
@@ -23,9 +23,11 @@ from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.storage_file import Damage
-from mnsf_ros.settings import TimeSettings
+from mnsf_ros.settings import Settings, TimeSettings
+from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
+from mnsf_ros.sweeps_io.several_lidars import joined_times
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -60,6 +62,7 @@ class Event(str, Enum):
     TRUTH_REORDERED = "truth clouds whose rows have another order, matched by position"
     TRUTH_ROWS_UNFIT = "points whose position is not in their truth, without truth"
     TRUTH_ROWS_COMPARED = "points of the sweeps with such points"
+    PARTS = "clouds that are parts of a revolution, put together"
     LEVELLED = (
         "sweeps of a lidar that is tilted, upside down, or not at the origin; turned upright for "
         "methods (lidar_1.roll_deg, lidar_1.pitch_deg)"
@@ -108,20 +111,55 @@ class CloudRows:
         rows: (N,) row of each point of the sweep, counted row by row in the cloud.
         num_points: Points of the cloud, also those that are not in the sweep.
         recording: Name of the recording.
+        parts: The clouds of the revolution, if it has several; rows go on from one to the next.
     """
 
     rows: NDArray[np.int64]
     num_points: int
     recording: str = ""
+    parts: Sequence[Sweep] = ()
 
 
 def recorded_sweeps(
-    reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
+    reader: BagReader, topic: str, recording: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
+    """Yields the finite points of each revolution of a topic as received, `source` a CloudRows.
 
     None marks a gap; findings collect damage.
     """
+    revolutions = Revolutions()
+    for cloud in _recorded_clouds(reader, topic, recording, settings.time, findings):
+        if cloud is None:
+            yield None
+            continue
+        for parts in revolutions.add(cloud, settings.buffer):
+            yield _revolution(parts, findings) if parts else None
+    if parts := revolutions.rest:
+        yield _revolution(parts, findings)
+
+
+def _revolution(parts: Sequence[Sweep], findings: Findings) -> Sweep:
+    """The parts as one sweep with the stamp of the first."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    findings.count(Event.PARTS, len(parts))
+    starts = np.cumsum([0, *(part.source.num_points for part in parts)])
+    rows = [part.source.rows + start for part, start in zip(parts, starts, strict=False)]
+    return replace(
+        first,
+        xyz=np.concatenate([part.xyz for part in parts]),
+        times_s=joined_times(parts, first.stamp_ns),
+        source=CloudRows(
+            np.concatenate(rows), int(starts[-1]), first.source.recording, parts=parts
+        ),
+    )
+
+
+def _recorded_clouds(
+    reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
+) -> Iterator[Sweep | None]:
+    """The finite points of each cloud."""
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
         sweep = sweep_from_message(message, settings, received_ns)
@@ -271,6 +309,11 @@ class TruthTrack:
 
         The sweep of a skipped cloud is missing. Truth that does not fit is reported, and not used.
         """
+        if sweep.source.parts:
+            taken = [self.take(part) for part in sweep.source.parts]
+            known = [truth for truth, _ in taken if truth is not None]
+            is_known = len(known) == len(taken)
+            return FlowTruth.joined(known) if is_known else None, sum(n for _, n in taken)
         passed_over = 0
         while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)

@@ -67,6 +67,7 @@ class InputState:
     times: str = ""  # origin of the time of each point
     pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
+    num_parts: int = 1  # clouds in the last revolution
     mounting: str = "unknown"
     misplaced: str = ""  # why the origin of the clouds is not at the lidar; empty if it may be
 
@@ -166,6 +167,7 @@ class Diagnostics:
             "reliability": state.reliability,
             "rate [Hz]": f"{self._rate_hz(SWEEPS_RECEIVED):.2f}",
             "time of each point": state.times or "unknown",
+            "clouds of a revolution": state.num_parts,
             "mounting": state.mounting,
             **_counts(snapshot, of_input=True),
         }

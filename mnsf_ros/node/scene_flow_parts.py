@@ -105,7 +105,10 @@ class SceneFlowParts:
         )
         self._pipeline = StreamPipeline(settings, self._publish, self._on_failure)
         try:
-            self._input = SweepInput(self._node, settings, self._report, self._on_sweep, pause)
+            on_break = self._pipeline.reset
+            self._input = SweepInput(
+                self._node, settings, self._report, self._on_sweep, pause, on_break
+            )
         except BaseException:
             self._pipeline.close(0.0)
             raise

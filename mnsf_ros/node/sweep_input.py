@@ -22,8 +22,15 @@ from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription,
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.mounting import Mounting
+from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroup, LidarGroups, merged_sweep
+from mnsf_ros.sweeps_io.several_lidars import (
+    ArrivedSweep,
+    LidarGroup,
+    LidarGroups,
+    merged_sweep,
+    revolution_sweep,
+)
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
 
@@ -52,8 +59,11 @@ class SweepInput:
         report: Report,
         on_sweep: Callable[[Sweep, int], None],
         pause: str = "",
+        on_break: Callable[[], None] = lambda: None,
     ) -> None:
         """Subscribes; `on_sweep` gets each sweep and its `time.monotonic_ns()` of arrival.
+
+        `on_break` is called where the sweeps before were none, but parts of a revolution.
 
         Raises:
             SettingsError: If the settings need transforms, and tf2_ros is missing.
@@ -61,9 +71,12 @@ class SweepInput:
         self.pause = pause
         self.transforms: Transforms | None = None
         self._node, self._report, self._on_sweep = node, report, on_sweep
+        self._on_break = on_break
         self._times_source = ""
         self._odometry = OdometrySubscription(node, "~/odometry", report)
         self._waiting: deque[ArrivedSweep] = deque()
+        self._revolutions = [Revolutions() for _ in range(settings.lidars.count)]
+        self._num_parts = 1
         self._last_ns = 0
         self._mountings: dict[str, Mounting] = {}  # by frame_id
         # They need neither odometry nor transforms.
@@ -88,6 +101,7 @@ class SweepInput:
             self._times_source,
             self.pause,
             () if self._merging is None else self._merging.missing,
+            num_parts=self._num_parts,
         )
 
     def refresh(self) -> None:
@@ -116,6 +130,7 @@ class SweepInput:
         """Forgets all waiting sweeps and earlier poses."""
         self._waiting.clear()
         self._mountings.clear()
+        self._revolutions = [Revolutions() for _ in self._revolutions]
         if self._merging is not None:
             self._merging.clear()
         self._odometry.change_settings(self._settings.ego_motion, self.transforms)
@@ -138,11 +153,16 @@ class SweepInput:
         if sweep is None:
             return
         self._times_source = sweep.source.times.source
-        item = ArrivedSweep(sweep, arrived_ns)
-        if self._merging is None:
-            self._queue(item)
-        else:
-            self._merging.add(index, item, self._settings.lidars)
+        for parts in self._revolutions[index].add(sweep, self._settings.buffer):
+            self._num_parts = len(parts)
+            if not parts:
+                self._on_break()
+                continue
+            item = ArrivedSweep(revolution_sweep(parts), arrived_ns)
+            if self._merging is None:
+                self._queue(item)
+            else:
+                self._merging.add(index, item, self._settings.lidars)
         self._release()
 
     def _queue(self, item: ArrivedSweep) -> None:

@@ -223,7 +223,7 @@ def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given)
             raw = cloud_cdr(encoded, small.stamp(index))
             writer.write_raw("/points", CLOUD_TYPE, small.stamp(received), raw)
     with BagReader(tmp_path / "drive") as reader:
-        sweeps = recorded_sweeps(reader, "/points", "drive", Settings().time, Findings())
+        sweeps = recorded_sweeps(reader, "/points", "drive", Settings(), Findings())
         assert [sweep.stamp_ns for sweep in sweeps] == [small.stamp(index) for index in given]
 
 
@@ -238,7 +238,7 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
             encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
     with BagReader(tmp_path / "drive") as reader:
-        good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
+        good, bad = recorded_sweeps(reader, "/points", "drive", Settings(), findings)
     np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
     assert bad.times_s is None
     assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1}
