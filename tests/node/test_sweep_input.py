@@ -14,6 +14,7 @@ import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
+from moving_boxes import surfaces
 from nav_msgs.msg import Odometry
 from node_harness import QUICK, Spinner, stamp_of
 from scipy.spatial.transform import Rotation
@@ -74,9 +75,15 @@ class Input(Spinner):
 
     def __init__(self, changes):
         super().__init__("input")
-        self.sweeps, self.events = [], []
+        self.sweeps, self.events, self.breaks = [], [], []
         settings = Settings().changed({"node.input_reliability": "reliable"} | changes)
-        self.input = SweepInput(self.node, settings, self._report, self._on_sweep)
+        self.input = SweepInput(
+            self.node,
+            settings,
+            self._report,
+            self._on_sweep,
+            on_break=lambda: self.breaks.append(True),
+        )
         topics = ["~/points", "~/points_2"][: settings.lidars.count]
         self._publishers = [self.advertised(PointCloud2, topic) for topic in topics]
 
@@ -162,6 +169,32 @@ def test_the_mounting_is_looked_up_and_kept(make, tf2, drive):
     assert unknown is in_base is None
     assert kept is found
     np.testing.assert_allclose(found.level_from_sensor, np.diag([1, -1, -1, 1]), atol=1e-12)
+
+
+def test_sectors_are_put_together_with_all_their_points(make, drive):
+    it = make()
+    whole = surfaces(0, 4000)
+    quarters = np.floor(np.arctan2(whole[:, 1], whole[:, 0]) / (np.pi / 2)).astype(int) % 4
+    for done, numbers in enumerate([(0, 1, 2, 3), (4, 5), (6, 7, 8, 9)], start=1):
+        for number in numbers:
+            part = whole[quarters == number % 4]
+            it.publish(xyz_message(part, stamp_ns=drive.stamp_ns(number / 4)))
+        it.wait_for_sweeps(done)
+    first, one, two = it.sweeps
+    assert it.breaks == [True]
+    assert len(first) == np.count_nonzero(quarters == 0)
+    assert len(one) == len(two) == len(whole)
+    assert [sweep.stamp_ns for sweep in (one, two)] == [drive.stamp_ns(n) for n in (0.25, 1.25)]
+    message = one.source.message
+    assert stamp_of(message) == one.stamp_ns
+    order = np.concatenate([np.flatnonzero(quarters == n) for n in (1, 2, 3, 0)])
+    np.testing.assert_array_equal(xyz_columns(message), whole[order])
+    own = np.concatenate([np.arange(np.count_nonzero(quarters == n)) for n in (1, 2, 3, 0)])
+    np.testing.assert_array_equal(column(message, "intensity"), own)
+    np.testing.assert_allclose(
+        np.unique(column(message, "time")), [0, 0.025, 0.05, 0.075], atol=1e-6
+    )
+    assert it.input.state.num_parts == 4
 
 
 def test_a_clock_that_jumps_back_clears_the_transforms(make, tf2, drive):
