@@ -23,11 +23,11 @@ from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.storage_file import Damage
-from mnsf_ros.settings import Settings, TimeSettings
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
-from mnsf_ros.sweeps_io.several_lidars import joined_times
+from mnsf_ros.sweeps_io.several_lidars import joined_times, revolution_sweep
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -123,53 +123,62 @@ class CloudRows:
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the finite points of each revolution of a topic as received, `source` a CloudRows.
+    """Yields the sweeps of `recorded_clouds` without their messages: `source` is a CloudRows."""
+    for parts in _recorded_revolutions(reader, topic, settings, findings):
+        yield _with_rows(parts, recording) if parts else None
+
+
+def recorded_clouds(
+    reader: BagReader, topic: str, settings: Settings, findings: Findings
+) -> Iterator[Sweep | None]:
+    """Yields the finite points of each revolution of a topic, `source` a CloudSource.
 
     None marks a gap; findings collect damage.
     """
-    revolutions = Revolutions()
-    for cloud in _recorded_clouds(reader, topic, recording, settings.time, findings):
-        if cloud is None:
-            yield None
-            continue
-        for parts in revolutions.add(cloud, settings.buffer):
-            yield _revolution(parts, findings) if parts else None
-    if parts := revolutions.rest:
-        yield _revolution(parts, findings)
+    for parts in _recorded_revolutions(reader, topic, settings, findings):
+        yield revolution_sweep(parts) if parts else None
 
 
-def _revolution(parts: Sequence[Sweep], findings: Findings) -> Sweep:
-    """The parts as one sweep with the stamp of the first."""
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    findings.count(Event.PARTS, len(parts))
-    starts = np.cumsum([0, *(part.source.num_points for part in parts)])
-    rows = [part.source.rows + start for part, start in zip(parts, starts, strict=False)]
-    return replace(
-        first,
-        xyz=np.concatenate([part.xyz for part in parts]),
-        times_s=joined_times(parts, first.stamp_ns),
-        source=CloudRows(
-            np.concatenate(rows), int(starts[-1]), first.source.recording, parts=parts
-        ),
-    )
-
-
-def _recorded_clouds(
-    reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
-) -> Iterator[Sweep | None]:
-    """The finite points of each cloud."""
+def _recorded_revolutions(
+    reader: BagReader, topic: str, settings: Settings, findings: Findings
+) -> Iterator[Sequence[Sweep]]:
+    """Revolutions, each as its parts, in order; none for a gap."""
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
-        sweep = sweep_from_message(message, settings, received_ns)
+        sweep = sweep_from_message(message, settings.time, received_ns)
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
-        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
-        return replace(sweep, source=source)
+        return sweep
 
-    return _decoded(reader, topic, findings, sweep_of)
+    revolutions = Revolutions()
+    for cloud in _decoded(reader, topic, findings, sweep_of):
+        found = [()] if cloud is None else revolutions.add(cloud, settings.buffer)
+        for parts in found:
+            findings.count(Event.PARTS, len(parts) if len(parts) > 1 else 0)
+            yield parts
+    if revolutions.rest:
+        yield revolutions.rest
+
+
+def _with_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
+    """The parts as one sweep with the stamp of the first, and a CloudRows."""
+    clouds = []
+    for part in parts:
+        finite = part.source.finite
+        source = CloudRows(np.flatnonzero(finite), len(finite), recording)
+        clouds.append(replace(part, source=source))
+    first = clouds[0]
+    if len(clouds) == 1:
+        return first
+    starts = np.cumsum([0, *(cloud.source.num_points for cloud in clouds)])
+    rows = [cloud.source.rows + start for cloud, start in zip(clouds, starts, strict=False)]
+    return replace(
+        first,
+        xyz=np.concatenate([cloud.xyz for cloud in clouds]),
+        times_s=joined_times(clouds, first.stamp_ns),
+        source=CloudRows(np.concatenate(rows), int(starts[-1]), recording, clouds),
+    )
 
 
 def recorded_poses(
