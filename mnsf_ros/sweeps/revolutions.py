@@ -13,9 +13,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 # So many points of a cloud show its directions; of fewer than the least, chance decides.
 _MAX_POINTS: Final = 8192
 _MIN_POINTS: Final = 200
-# With fewer points in a direction, those beside it are taken for seen, too.
-_DENSE: Final = 4
-_BESIDE: Final = 2
+# Gaps between directions that are no larger than most are between columns of the lidar.
+_MOST: Final = 0.9
 # Of the directions of the smaller cloud: neighbouring parts have less in common, whole clouds more.
 _MIN_COMMON: Final = 0.5
 # So many clouds in a row of other directions are parts, though those before were whole.
@@ -91,10 +90,10 @@ def _directions(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(720,) from which azimuths points (N, 3) return; all for very few points."""
     if len(xyz) < _MIN_POINTS:
         return np.ones(NUM_AZIMUTHS, np.bool_)
-    counts = np.bincount(azimuths_of(xyz[:: -(-len(xyz) // _MAX_POINTS)]), minlength=NUM_AZIMUTHS)
-    seen: NDArray[np.bool_] = counts > 0
-    if counts.sum() < _DENSE * np.count_nonzero(seen):
-        seen = np.logical_or.reduce(
-            [np.roll(seen, shift) for shift in range(-_BESIDE, _BESIDE + 1)]
-        )
+    cells = np.unique(azimuths_of(xyz[:: -(-len(xyz) // _MAX_POINTS)]))
+    gaps = np.diff(cells, append=cells[0] + NUM_AZIMUTHS)
+    reach = int(np.quantile(gaps, _MOST, method="lower"))
+    seen: NDArray[np.bool_] = np.zeros(NUM_AZIMUTHS, np.bool_)
+    for shift in range(1 - reach, reach):
+        seen[(cells + shift) % NUM_AZIMUTHS] = True
     return seen

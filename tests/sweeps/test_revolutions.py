@@ -43,6 +43,15 @@ def test_whole_clouds_go_on_at_once(from_deg, to_deg, num_points):
     assert groups_of(clouds) == [[each] for each in clouds]
 
 
+def test_whole_clouds_of_few_columns_go_on_at_once():
+    clouds = []
+    for number in range(6):
+        azimuths = np.radians(np.repeat(np.arange(90), 16) * 4.0 + number)
+        xyz = np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros(1440)], axis=1)
+        clouds.append(Sweep(xyz.astype(np.float32), number * 10**8))
+    assert groups_of(clouds) == [[each] for each in clouds]
+
+
 def test_first_cloud_of_a_driver_may_be_a_piece():
     clouds = [cloud(200, 360, 0.0), *(cloud(0, 360, 0.1 * n) for n in range(1, 4))]
     assert groups_of(clouds) == [[each] for each in clouds]
