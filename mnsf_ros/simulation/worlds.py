@@ -16,13 +16,14 @@ import numpy as np
 
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker, Model
+from mnsf_ros.simulation.conditions import Draws, draws_of, sensor_under, wetness_under
 from mnsf_ros.simulation.routes import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,
     LEVEL,
     Clearance,
-    EgoMotion,
     Route,
+    SensorTrip,
     Slope,
     SpeedProfile,
     Trip,
@@ -51,6 +52,10 @@ _BACK_ROWS: Final[dict[str, tuple[Maker, float, float]]] = {
     "fence": (models.fence, 4.0, 3.2),
     "bank": (models.bank, 10.0, 3.2),
 }
+# Of walls that people walk along: how far behind the edge their fronts are.
+_FRONTS_M: Final = {"houses": 3.7, "shops": 4.0}
+_SMOOTH_WALL_M: Final = 3.1
+_ON_SQUARE_M: Final = 20.0
 _POSTS: Final[tuple[Maker, ...]] = (
     *(models.tree, models.tree, models.lamp_post, models.sign, models.bollard, models.bollard),
     *(models.litter_bin, models.cabinet, models.bench),
@@ -63,36 +68,45 @@ _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
 @dataclass(frozen=True)
-class Scene:
+class StreetScene:
     """Street, everything on it, and the vehicle with its lidar.
 
-    `text` says in a line what was drawn.
+    `wetness` of all surfaces is 0 to 1; `text` says in a line what was drawn.
     """
 
     street: Street
     bodies: tuple[Body, ...]
-    ego: EgoMotion
+    ego: SensorTrip
     sensor: Sensor
     text: str
+    wetness: float = 0.0
 
 
-def build_scene(settings: SimulationSettings) -> Scene:
+def build_scene(settings: SimulationSettings) -> StreetScene:
     """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: another lidar does not change the traffic.
-    lidar, place, traffic = np.random.default_rng([settings.seed, 4]).spawn(3)
+    lidar, place, traffic, others = np.random.default_rng([settings.seed, 4]).spawn(4)
+    scenario = scenario_of(settings)
+    draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
+    sensor = sensor_under(sensor, draws)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
-    world = _World(scenario_of(settings), duration_s, place)
-    text = f"{sensor.kind}, {sensor.rate_hz:g} Hz{', rain' if sensor.rain_per_m else ''}"
-    return world.scene(sensor, text, traffic)
+    world = _World(scenario, duration_s, place, draws)
+    rain = ["rain"] if sensor.rain_per_m else []
+    text = ", ".join([sensor.kind, f"{sensor.rate_hz:g} Hz", *rain, *draws])
+    return replace(world.scene(sensor, text, traffic), wetness=wetness_under(draws))
 
 
 class _World:
     """A place with an ego vehicle."""
 
-    def __init__(self, scenario: Scenario, duration_s: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, scenario: Scenario, duration_s: float, rng: np.random.Generator, draws: Draws
+    ) -> None:
         self._scenario, self._duration_s = scenario, duration_s
+        # Laterals of walls that people can walk along.
+        self._walls_m: list[float] = []
         # One second more than recorded: the last sweeps' truth looks one interval ahead.
         self._clearance = Clearance(duration_s + 1.0, margin_m=_APART_M)
         self._place, self._ego_kind = drawn(scenario.places, rng), drawn(scenario.egos, rng)
@@ -103,12 +117,17 @@ class _World:
         self._ego = self._moving_lidar(rng)
         length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
         self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
-        self._things = list(self._things_at_rest(rng))
+        self._things = [*self._things_at_rest(rng), *self._conditions(draws)]
 
-    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
+    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> StreetScene:
         """Returns the scene with traffic drawn; `text` describes the lidar."""
         traffic = Traffic(
-            self._scenario, self._place, self._street, self._speed_m_s, self._clearance
+            self._scenario,
+            self._place,
+            self._street,
+            self._speed_m_s,
+            self._clearance,
+            tuple(self._walls_m),
         )
         groups = list(traffic.drawn(rng))
         counts = ", ".join(
@@ -117,7 +136,7 @@ class _World:
         slope = f", slope {self._street.slope.grade:.0%}" if self._street.slope.grade else ""
         world = f"{self._place}{slope}; {self._ego_kind}, {self._speed_m_s:.1f} m/s; {counts}"
         everything = (*self._things, *chain(*(bodies for _, bodies in groups)))
-        return Scene(self._street, everything, self._ego, sensor, f"{text}; {world}")
+        return StreetScene(self._street, everything, self._ego, sensor, f"{text}; {world}")
 
     def _ground(self, rng: np.random.Generator) -> Street:
         wavelength_m = rng.uniform(60.0, 200.0)
@@ -140,7 +159,7 @@ class _World:
             slope = LEVEL
         return Street(bend, -90.0, end_x, crossings, half_width_m, slope)
 
-    def _moving_lidar(self, rng: np.random.Generator) -> EgoMotion:
+    def _moving_lidar(self, rng: np.random.Generator) -> SensorTrip:
         street, on_foot = self._street, self._ego_kind == "on foot"
         beside = on_foot and street.half_width_m < 10 and self._place != "tunnel"
         lateral = -street.half_width_m - 1.7 if beside and rng.uniform() < 0.6 else -LANE_LATERAL_M
@@ -153,7 +172,7 @@ class _World:
         height_m = rng.uniform(0.45, 1.3) if on_foot else rng.uniform(1.5, 2.4)
         spread = 0.08 if rng.uniform() < 0.2 else 0.015
         mounting = (rng.normal(0.0, spread), rng.normal(0.0, spread / 2), height_m)
-        return EgoMotion(Trip.starting_at(route, profile, at_m), sway, mounting)
+        return SensorTrip(Trip.starting_at(route, profile, at_m), sway, mounting)
 
     def _things_at_rest(self, rng: np.random.Generator) -> Iterator[Body]:
         """Yields everything at rest."""
@@ -172,7 +191,21 @@ class _World:
             back = drawn(_BACKS[self._place], rng)
             if back in _BACK_ROWS:
                 maker, pitch_m, behind_m = _BACK_ROWS[back]
+                if back in _FRONTS_M:
+                    self._walls_m.append(side * (edge_m + _FRONTS_M[back]))
                 yield from self._row((maker,), side * (edge_m + behind_m), pitch_m, rng)
+
+    def _conditions(self, draws: Draws) -> Iterator[Body]:
+        """Yields smooth walls, kerbs and the own body."""
+        if "walls" in draws and self._place != "tunnel":
+            walls_m = min(self._street.half_width_m, _ON_SQUARE_M) + _SMOOTH_WALL_M
+            self._walls_m = [walls_m - 0.1, 0.1 - walls_m]
+            for lateral in (walls_m, -walls_m):
+                yield from self._row((models.smooth_wall,), lateral, 12.5, draws["walls"], 0.8)
+        if "kerbs" in draws:
+            yield from self._row((models.kerb,), 0.0, 12.0, draws["kerbs"], 0.8)
+        if "body" in draws:
+            yield Body(models.own_body(draws["body"]), self._ego)
 
     def _is_free(self, body: Body) -> bool:
         """Whether nothing that was there before is in its way; from now on it is in the way."""
