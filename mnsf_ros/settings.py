@@ -7,6 +7,7 @@ ROS parameters, the YAML files in `config/`, command-line help and the table in
 """
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -57,6 +58,35 @@ class CropSettings:
     max_height_m: float = declared(
         4.0, "Exclude points above this height in the sensor frame", -1000, 1000
     )
+    own_body: str = declared(
+        "auto",
+        "The robot itself. auto: what stays at its place within 2 m of the sensor while the robot "
+        "moves; none; or boxes by x y z of two corners (m): -2 -1 -1 0 1 0; 0 -1 -1 1 1 0",
+    )
+
+    @property
+    def own_boxes(self) -> tuple[tuple[float, ...], ...]:
+        """The boxes of `own_body`, their lower corner before their upper one.
+
+        Raises:
+            SettingsError: If the text is no list of boxes.
+        """
+        if self.own_body in ("auto", "none"):
+            return ()
+        return tuple(self._box(text) for text in self.own_body.split(";"))
+
+    def _box(self, text: str) -> tuple[float, ...]:
+        try:
+            first = [float(number) for number in text.split()]
+        except ValueError:
+            first = []
+        if len(first) != 6 or not all(map(math.isfinite, first)):
+            raise SettingsError(
+                f"crop.own_body: got {text.strip()!r}, expected auto, none, or boxes with semi"
+                "colons between, each as x y z of two opposite corners in metres"
+            )
+        pairs = [sorted(pair) for pair in zip(first[:3], first[3:], strict=True)]
+        return (*(low for low, _ in pairs), *(high for _, high in pairs))
 
 
 @dataclass(frozen=True)
@@ -564,6 +594,7 @@ class Settings:
                     f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
                     f"which is {larger!r}"
                 )
+        _ = self.crop.own_boxes
         kind = self.distance.kind
         if kind in ("bricks", "cells") and not self.distance.truncation_m:
             raise SettingsError(

@@ -20,8 +20,10 @@ def test_declarations_are_complete_and_names_unique():
     for setting in ALL:
         assert setting.text.strip(), setting.name
         assert "\n" not in setting.text
-        # Any method may be named, those of other packages, too, any field of a cloud, any frame.
-        is_free = setting.name in ("method.name", "time.field") or setting.name.endswith("frame")
+        # Any method may be named, those of other packages, too, any field of a cloud, any frame,
+        # any boxes.
+        is_free = setting.name in ("method.name", "time.field", "crop.own_body")
+        is_free |= setting.name.endswith("frame")
         assert bool(setting.choices) == (setting.kind is str and not is_free), setting.name
         assert setting.checked(setting.default) == setting.default
         assert type(setting.default) is setting.kind in (bool, int, float, str)
@@ -103,6 +105,14 @@ def test_unknown_names():
         (
             {"crop.min_range_m": 30, "crop.max_range_m": 20},
             "crop.min_range_m: got 30.0, expected less than crop.max_range_m, which is 20.0",
+        ),
+        *(
+            (
+                {"crop.own_body": f"0 0 0 1 1 1;{text}"},
+                f"crop.own_body: got {text!r}, expected auto, none, or boxes with semicolons "
+                "between, each as x y z of two opposite corners in metres",
+            )
+            for text in ("", "0 0 0 1 1", "0 0 0 1 1 one", "0 0 0 1 1 nan")
         ),
         (
             {"crop.max_height_m": -25},

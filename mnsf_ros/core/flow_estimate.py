@@ -133,6 +133,7 @@ class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
     NO_OBJECT = "ground, too high, or outside the crop"
+    OWN_BODY = "the robot's own body"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"
@@ -237,6 +238,8 @@ class FlowEstimate:
             that have none.
         over_ground: Motion without the ego motion, of methods that estimate it.
         num_left_out: Suspects beyond the limit of the settings, which count as static.
+        num_own: Points on the robot's own body; their flow is 0.
+        own_reach_m: Distance of the farthest of them; 0 without any.
         effort: How much of it was done.
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
@@ -251,6 +254,8 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
+    num_own: int = 0
+    own_reach_m: float = 0.0
     effort: Effort = Effort.FULL
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 

@@ -23,6 +23,7 @@ _FARTHEST_M: Final = 2.0
 # Parameters that change a verdict.
 _SETTINGS: Final = {
     Verdict.NO_OBJECT: "see the parameters crop.*, ground.* and objects.max_height_m",
+    Verdict.OWN_BODY: "see the parameter crop.own_body",
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
     Verdict.TOO_LARGE: "the parameter objects.max_size_m is the limit",
     Verdict.LEFT_OUT: "the parameter objects.max_suspects is the limit",

@@ -41,6 +41,7 @@ class LostBy(Enum):
     """Stage that rejected a mover."""
 
     NO_OBJECT = "no object"
+    OWN_BODY = "own body"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected"

@@ -127,6 +127,8 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
+            num_own=int(np.count_nonzero(scene.current.own)),
+            own_reach_m=scene.current.own_reach_m,
             effort=effort,
             reason_of=Reasons(scene, table),
         )

@@ -34,8 +34,9 @@ class ObjectSweep:
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points with a height that are not ground.
         ground: The ground under it.
-        heights: (N,) float32, metres above ground of its points; NaN outside the crop, and above
-            `objects.max_height_m`.
+        own: (N,) bool, the points on the own body.
+        heights: (N,) float32, metres above ground of its points; NaN outside the crop, above
+            `objects.max_height_m`, and on the own body.
         clock: Measuring time of each direction; None if unknown.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
@@ -44,8 +45,14 @@ class ObjectSweep:
             own number.
     """
 
-    def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
-        """Crops, removes ground, segments.
+    def __init__(
+        self,
+        sweep: Sweep,
+        pose: SensorPose,
+        settings: Settings,
+        own: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Crops, removes ground and own body, segments.
 
         Raises:
             SweepError: If too few points are left.
@@ -60,6 +67,8 @@ class ObjectSweep:
             # dam, the ground may be far below the road.
             is_high = (self.heights > settings.objects.max_height_m) & (self.xyz[:, 2] > 0)
             self.heights[is_high] = np.nan
+        self.own = np.zeros(len(sweep), np.bool_) if own is None else own
+        self.heights[self.own] = np.nan
         self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
@@ -84,6 +93,12 @@ class ObjectSweep:
     def view(self) -> RangeView:
         """The range image of the sweep."""
         return RangeView(self.xyz)
+
+    @property
+    def own_reach_m(self) -> float:
+        """The distance of the farthest point of the own body; 0 without any."""
+        own = chosen_points(self.sweep.xyz, self.own)
+        return float(np.sqrt((own**2).sum(axis=1)).max(initial=0.0))
 
     @property
     def num_objects(self) -> int:

@@ -69,7 +69,10 @@ def to_points(
 
 
 def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32]:
-    """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion."""
+    """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion.
+
+    The own body stays where it is in the frame of the sensor.
+    """
     sweep, pose = current.sweep, current.pose
     xyz, motion = sweep.xyz, over_ground.next_from_current
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
@@ -79,6 +82,7 @@ def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32
     if pose.motion is not None and sweep.times_s is not None:
         over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
     flow[moving] += turned(over_ground_motion, motion[:3, :3])
+    flow[current.own] = 0.0
     return flow
 
 

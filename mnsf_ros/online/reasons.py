@@ -36,6 +36,8 @@ class Reasons:
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
         """Returns the verdict on the object that owns most of these rows of the sweep."""
         current = self.scene.current
+        if 2 * np.count_nonzero(current.own[rows]) > len(rows):
+            return Reason(Verdict.OWN_BODY)
         owners = current.objects()[rows]
         number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
         if number == 0:

@@ -2,7 +2,7 @@
 """The last sweeps, each prepared once, and the targets of the current one."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -11,6 +11,7 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
+from mnsf_ros.online.own_body import OwnBody
 from mnsf_ros.online.target import Target, Targets
 from mnsf_ros.online.tracks import Track
 from mnsf_ros.settings import ObjectSettings, Settings
@@ -59,13 +60,11 @@ class ReadySweeps:
         if interval_s <= 0:
             return []
         ages: dict[ObjectSweep, float] = {}
-        for sweep in reversed(self.last):
+        until_now = [one for one in self.last if one.sweep.stamp_ns <= current.sweep.stamp_ns]
+        for sweep in _related(until_now):
             age = (current.sweep.stamp_ns - sweep.sweep.stamp_ns) / NANOSECONDS
             if age > 0:
                 ages[sweep] = age
-            if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
-                # Its pose relative to the earlier sweeps is not known.
-                break
         found: list[ObjectSweep] = []
         for past_s in _PAST_S:
             near = {
@@ -83,6 +82,7 @@ class PreparedSweeps:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._poses = SensorPoses(settings.ego_motion)
+        self._own_body = OwnBody(settings.crop)
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
     def ready(self, triplet: SweepTriplet) -> ReadySweeps:
@@ -105,9 +105,23 @@ class PreparedSweeps:
         if pose.source is EgoSource.START:
             pose = replace(pose, motion=self._poses.motion_in(sweep))
         # Here, not after a whole triplet: there may never be one if every third sweep is refused.
-        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        own = self._own_body.mask(sweep)
+        self._sweeps[sweep] = ready = ObjectSweep(sweep, pose, self._settings, own)
+        *_, earliest = _related(self._sweeps.values())
+        self._own_body.learn(ready, earliest)
         while len(self._sweeps) > _MAX_SWEEPS:
             del self._sweeps[next(iter(self._sweeps))]
+
+
+def _related(sweeps: Iterable[ObjectSweep]) -> Iterator[ObjectSweep]:
+    """Yields the sweeps whose poses relative to the last one are known, the last one first.
+
+    The pose of a sweep with a guessed motion is not known relative to earlier ones.
+    """
+    for sweep in reversed([*sweeps]):
+        yield sweep
+        if sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
+            return
 
 
 def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:

@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The points of a sweep that fields are fitted to: inside the crop, and not ground."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,7 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
     else:
         mask = sweep.kept & crop_mask(sweep.xyz, settings.crop)
         choice = ", ground removal and the choice of points"
+    mask &= ~in_boxes(sweep.xyz, settings.crop.own_boxes)
     if (num_left := int(np.count_nonzero(mask))) < MIN_POINTS:
         raise SweepError(
             f"sweep {sweep.stamp_ns}: {num_left} of {len(sweep)} points are left after crop"
@@ -61,6 +64,15 @@ def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bo
         np.float32(settings.min_height_m),
         np.float32(settings.max_height_m),
     )
+
+
+def in_boxes(xyz: NDArray[np.float32], boxes: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
+    """Mask (N,) of the points (N, 3) in any of the boxes, each a lower and an upper corner."""
+    inside = np.zeros(len(xyz), np.bool_)
+    for box in boxes:
+        low, high = np.array(box, np.float32).reshape(2, 3)
+        inside |= ((xyz >= low) & (xyz <= high)).all(axis=1)
+    return inside
 
 
 @compiled("boolean[::1](float32[:, ::1], float64, float64, float32, float32)")

@@ -69,6 +69,8 @@ class Story:
             device="cpu",
             distance_kind="tree",
             precision="float32",
+            num_own=130,
+            own_reach_m=2.06,
             over_ground=None if ego_source is None else over_ground(source=ego_source),
         )
         self.statistics.add_estimate(latency_ms, estimate)
@@ -311,6 +313,7 @@ class TestValues:
             "distance": "tree",
             "precision": "float32",
             "start": "warm",
+            "own body": "130 points within 2.1 m",
             "cold starts, recent": "1",
             "effort": "full",
             "estimate median [ms]": "3.5",

@@ -113,6 +113,20 @@ def test_without_stamps_the_intervals_are_taken_for_equal():
     assert result.start is Start.COLD_FIRST
 
 
+@pytest.mark.parametrize("place", [(12, 0), (-12, 0), (0, -3.4), (2, -3.4), (-2, 3.4)])
+def test_cars_that_drive_along_at_the_speed_of_the_sensor_are_movers(place):
+    sweeps = [
+        STREET.sweep(pose(0.6 * index), index, cars=[np.add(place, (0.6 * index, 0))])
+        for index in range(7)
+    ]
+    estimator = ObjectFlowEstimator(SETTINGS)
+    for one in triplets_of(sweeps):
+        result = estimator.estimate(one)
+        car = of_car(one.current)
+        assert result.over_ground.dynamic[car].mean() > 0.95
+    np.testing.assert_allclose(result.flow[car].mean(axis=0), 0, atol=0.05)
+
+
 def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
     estimator, sweeps = ObjectFlowEstimator(SETTINGS), drive(*range(6))
     # Nothing of the street, so that neither it nor the sweep after it can be registered.

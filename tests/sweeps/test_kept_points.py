@@ -6,7 +6,8 @@ import pytest
 
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.ground_surface import GroundSurface, ground_mask
-from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
+from mnsf_ros.sweeps.kept_points import crop_mask, fit_mask, kept_mask
+from mnsf_ros.sweeps.sweep import Sweep
 
 SETTINGS = Settings()
 GROUND = SETTINGS.ground
@@ -55,6 +56,15 @@ def test_kept_points_are_inside_the_crop_and_no_ground(make_scene):
     assert 0 < kept.sum() < len(near)
     with_ground = SETTINGS.changed({"ground.remove": False})
     assert kept_mask(near, with_ground).all()
+
+
+def test_the_own_body_is_not_fitted(make_scene):
+    near = make_scene().current
+    body = np.random.default_rng(0).uniform((-1, -1, -0.5), (-0.6, 1, 0), (50, 3))
+    sweep = Sweep(np.vstack([body.astype(np.float32), near]))
+    boxed = SETTINGS.changed({"crop.own_body": "9 9 9 9 9 9; -0.5 -1 0 -1 1 -0.5"})
+    plain, fitted = (fit_mask(sweep, each) for each in (SETTINGS, boxed))
+    np.testing.assert_array_equal(np.flatnonzero(plain & ~fitted), np.arange(50))
 
 
 def is_ground(points, settings=GROUND):
