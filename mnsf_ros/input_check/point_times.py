@@ -1,0 +1,143 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Assumption: each point has the time of its measurement, or all have the same."""
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+
+_ASSUMPTION: Final = "each point has its time of measurement"
+# Lidars turn at 5 to 20 Hz, a few at 30.
+_MAX_RATE_HZ: Final = 35.0
+# Mean length of the unit vectors of the phase between time and azimuth. Lidars that turn have more
+# than .97, packets of 10 ms .98, others .3 at most.
+_TURNING: Final = 0.9
+# Steps of a fiftieth of a sweep: at 20 m/s and 10 Hz .04 m, as the noise of registration.
+_MIN_DISTINCT: Final = 50
+# Of all points: at the seam and by deskewing before, up to .1 % are elsewhere.
+_MAX_ELSEWHERE: Final = 0.003
+# A sweep takes an interval; some lidars pause, and stamps are rounded.
+_TOLERANCE: Final = 0.1
+# Of the sensor, above which a sweep without times may be distorted by more than .2 m.
+_SLOW_M_S: Final = 2.0
+
+
+class _Times(NamedTuple):
+    """Times of one sweep: of the whole turn for a lidar that turns, else of the points."""
+
+    duration_s: float
+    is_turning: bool
+    num_distinct: int
+    elsewhere: float  # share of points whose time does not fit their azimuth
+
+
+class TimesOfPoints:
+    """Compares the times of points with the interval of stamps and with azimuths."""
+
+    def __init__(self) -> None:
+        self._times: deque[_Times] = deque(maxlen=100)
+        self._intervals_s: deque[float] = deque(maxlen=100)
+        self._speeds_m_s: deque[float] = deque(maxlen=100)
+        self._source, self._fault, self._num_faults, self._num = "none", "", 0, 0
+        self._last_ns = 0
+
+    def add(self, sample: SweepSample) -> None:
+        """Takes the next sweep."""
+        stamp_ns = sample.sweep.stamp_ns
+        if self._last_ns and stamp_ns > self._last_ns:
+            self._intervals_s.append((stamp_ns - self._last_ns) / 1e9)
+        self._last_ns, self._num = stamp_ns, self._num + 1
+        if sample.cloud is not None:
+            self._source = sample.cloud.times.source
+            if fault := sample.cloud.times.fault:
+                self._fault, self._num_faults = fault, self._num_faults + 1
+        if sample.times_s is not None and len(sample.times_s):
+            self._times.append(_measured(sample.times_s, sample))
+
+    def move(self, step: Step) -> None:
+        """Takes the motion to the next sweep."""
+        if step.interval_s > 0:
+            self._speeds_m_s.append(step.way_m / step.interval_s)
+
+    def facts(self) -> dict[str, str]:
+        """Times of points, in words."""
+        if not self._times:
+            return {"times of points": "none: a cloud counts as taken in one moment"}
+        kind = "turning" if self._is_turning else "not turning"
+        text = f"{self._source}, a sweep takes {1e3 * self._duration_s:.1f} ms, {kind}"
+        return {"times of points": text}
+
+    def findings(self) -> Iterator[Finding]:
+        """Yields what does not fit."""
+        if self._num_faults:
+            found = f"times of points cannot be read in {self._num_faults} of {self._num} clouds"
+            remedy = "Name field and unit by time.field and time.unit, or time.field=none"
+            yield Finding(_ASSUMPTION, Severity.ERROR, f"{found}: {self._fault}", remedy)
+        elif not self._times:
+            yield from self._without()
+        elif self._intervals_s:
+            yield from self._contradictions(float(np.median(self._intervals_s)))
+
+    @property
+    def _duration_s(self) -> float:
+        return float(np.median([one.duration_s for one in self._times]))
+
+    @property
+    def _is_turning(self) -> bool:
+        return bool(np.median([one.is_turning for one in self._times]))
+
+    def _without(self) -> Iterator[Finding]:
+        speed_m_s = float(np.median(self._speeds_m_s)) if self._speeds_m_s else 0.0
+        if speed_m_s > _SLOW_M_S:
+            shift_m = speed_m_s * float(np.median(self._intervals_s))
+            found = (
+                f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
+                f"{shift_m:.1f} m off, if the lidar turns and its driver does not correct it"
+            )
+            remedy = "Let the driver publish the time of each point (time.field names its field)"
+            yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
+
+    def _contradictions(self, interval_s: float) -> Iterator[Finding]:
+        duration_s = self._duration_s
+        spans = f"times of points span {1e3 * duration_s:.1f} ms"
+        text = f"{spans}, sweeps are {1e3 * interval_s:.1f} ms apart"
+        remedy = "Correct the driver, set time.unit, or use no times: time.field=none"
+        if duration_s > (1 + _TOLERANCE) * interval_s:
+            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
+        elif self._is_turning and duration_s < 1 / _MAX_RATE_HZ and duration_s < interval_s / 2:
+            text += f": no lidar turns {1 / duration_s:.0f} times a second"
+            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
+        if not self._is_turning:
+            return
+        distinct = int(np.median([one.num_distinct for one in self._times]))
+        if distinct < _MIN_DISTINCT:
+            text = (
+                f"times of points have only {distinct} different values a sweep, "
+                f"{1e3 * duration_s / distinct:.0f} ms apart"
+            )
+            remedy = "Record without a codec that rounds times, or use no times: time.field=none"
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
+        elsewhere = float(np.median([one.elsewhere for one in self._times]))
+        if elsewhere > _MAX_ELSEWHERE:
+            text = f"the times of {elsewhere:.1%} of the points do not fit their direction"
+            remedy = "Look for lost packets, whose points have the time 0"
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
+
+
+def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:
+    low, high = np.quantile(times_s, (0.01, 0.99))
+    span_s = float(high - low) / 0.98
+    turn_s = span_s / float(np.mean(sample.sectors))
+    angles = 2 * np.pi * times_s / max(turn_s, 1e-9)
+    phases = [np.exp(1j * (angles + sign * sample.azimuths)) for sign in (-1, 1)]
+    phase = max(phases, key=lambda one: abs(one.mean()))
+    mean = phase.mean()
+    is_turning = abs(mean) > _TURNING
+    elsewhere = np.mean((phase * np.conj(mean)).real < 0) if is_turning else 0.0
+    duration_s = turn_s if is_turning else span_s
+    return _Times(duration_s, bool(is_turning), len(np.unique(times_s)), float(elsewhere))
