@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.input_check.cloud_layout import CloudLayout
-from mnsf_ros.input_check.finding import Finding
+from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.mounting import Mounting
 from mnsf_ros.input_check.no_returns import NoReturns
 from mnsf_ros.input_check.odometry_fit import OdometryFit
@@ -53,6 +53,7 @@ class InputCheck:
     def __init__(self, settings: Settings) -> None:
         self._lock = threading.Lock()
         mounting = Mounting()
+        self._odometry = OdometryFit(settings.ego_motion)
         self._assumptions: tuple[Assumption, ...] = (
             CloudLayout(),
             Revolution(),
@@ -60,9 +61,9 @@ class InputCheck:
             TimesOfPoints(),
             NoReturns(),
             mounting,
-            OdometryFit(settings.ego_motion),
             OwnBody(mounting, settings.crop.min_range_m),
         )
+        self._all: tuple[Assumption, ...] = (*self._assumptions, self._odometry)
         self._waiting: deque[SweepSample] = deque(maxlen=_MAX_WAITING)
         self._last: Located | None = None
 
@@ -71,7 +72,7 @@ class InputCheck:
         with self._lock:
             sample = SweepSample.of(sweep)
             self._waiting.append(sample)
-            for assumption in self._assumptions:
+            for assumption in self._all:
                 assumption.add(sample)
 
     def locate(self, sweep: Sweep, world_from_sensor: NDArray[np.float64], source: str) -> None:
@@ -86,16 +87,21 @@ class InputCheck:
             own = Located(sample, sweep, world_from_sensor, source)
             last, self._last = self._last, own
             if last is not None and (step := Step(last, own)).is_possible:
-                for assumption in self._assumptions:
+                for assumption in self._all:
                     assumption.move(step)
 
     def facts(self) -> dict[str, str]:
         """Name to what the input is, in words."""
         with self._lock:
-            return {k: v for one in self._assumptions for k, v in one.facts().items()}
+            return {k: v for one in self._all for k, v in one.facts().items()}
 
     def findings(self) -> list[Finding]:
-        """What does not hold, the worst first."""
+        """What does not hold, the worst first.
+
+        Odometry is judged by registration, which other errors spoil: they come first.
+        """
         with self._lock:
             found = [finding for one in self._assumptions for finding in one.findings()]
+            if not any(finding.severity is Severity.ERROR for finding in found):
+                found += self._odometry.findings()
         return sorted(found, key=lambda finding: -finding.severity)

@@ -27,8 +27,9 @@ _MAX_HEIGHT_M: Final = 6.0
 _MAX_BELOW: Final = 0.05
 # The steepest roads rise by 20 degrees; sensors tilted by 30 degrees still work.
 _MAX_TILT_DEG: Final = 25.0
-# Of the elevation of a beam, mean deviation: .01 to .2 with the lidar at the origin.
+# Deviation of a beam from its cone. With the lidar at the origin: .0 to .1.
 _MAX_BLUR_DEG: Final = 1.0
+_MIN_AROUND: Final = 0.8
 
 
 class Mounting:
@@ -47,8 +48,10 @@ class Mounting:
         plane = _ground(sample.xyz[sample.ranges < _REACH_M])
         if plane is not None:
             self._planes.append(plane)
-        if sample.rings is not None and len(sample.rings):
-            self._blurs_deg.append(_blur_deg(sample.rings, sample.elevations))
+        # Lidars that do not turn have beams that are no cones.
+        if sample.rings is not None and np.mean(sample.sectors) > _MIN_AROUND:
+            directions = sample.xyz / sample.ranges[:, None]
+            self._blurs_deg.append(_blur_deg(sample.rings, directions))
 
     def move(self, step: Step) -> None:
         """The mounting is seen without motion."""
@@ -62,8 +65,9 @@ class Mounting:
         """Height and tilt, in words."""
         if (ground := self.ground) is None:
             return {"mounting": "unknown: no ground is seen"}
-        tilt = f"{_tilt_deg(ground):.0f} degrees tilted"
-        return {"mounting": f"{ground[3]:.2f} m above the ground, {tilt}"}
+        side = "above" if ground[3] > 0 else "below"
+        text = f"origin {abs(ground[3]):.2f} m {side} the ground"
+        return {"mounting": f"{text}, z {_tilt_deg(ground):.0f} degrees off its normal"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
@@ -71,13 +75,15 @@ class Mounting:
         if ground is not None and (tilt_deg := _tilt_deg(ground)) > _MAX_TILT_DEG:
             axis = int(np.argmax(np.abs(ground[:3])))
             up = f"{'-' if ground[axis] < 0 else ''}{'xyz'[axis]}"
-            found = f"z is {tilt_deg:.0f} degrees off the normal of the ground; up is nearly {up}"
+            found = (
+                f"z is {tilt_deg:.0f} degrees off the normal of the ground, up is nearest to {up}"
+            )
             remedy = "Publish clouds in a frame with z up, as the lidar is mounted"
             yield Finding(_UP, Severity.ERROR, found, remedy)
         remedy = "Publish clouds in the frame of the lidar, not of the vehicle"
         if self._blurs_deg and (blur_deg := np.median(self._blurs_deg)) > _MAX_BLUR_DEG:
-            found = f"the elevation of a beam varies by {blur_deg:.1f} degrees: the origin of the "
-            yield Finding(_LENS, Severity.WARNING, f"{found}frame is not the lidar", remedy)
+            found = f"beams are {blur_deg:.1f} degrees off cones around the origin of the frame, "
+            yield Finding(_LENS, Severity.WARNING, f"{found}which is not the lidar", remedy)
         elif ground is not None and ground[3] < 0:
             found = f"the origin of the frame is {-ground[3]:.2f} m below ground"
             yield Finding(_LENS, Severity.WARNING, found, remedy)
@@ -121,8 +127,14 @@ def _ground(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.append(normal, -normal @ middle)
 
 
-def _blur_deg(rings: NDArray[np.int64], elevations: NDArray[np.float64]) -> float:
-    """Mean deviation of elevations from the mean of their beam, degrees."""
+def _blur_deg(rings: NDArray[np.int64], directions: NDArray[np.float64]) -> float:
+    """Mean deviation of directions (K, 3) from the cones of their beams, degrees.
+
+    The common axis of the cones is the direction in which the beams vary least.
+    """
     _, own = np.unique(rings, return_inverse=True)
-    means = np.bincount(own, elevations) / np.bincount(own)
-    return float(np.degrees(np.mean(np.abs(elevations - means[own]))))
+    counts = np.bincount(own)
+    means = np.stack([np.bincount(own, directions[:, axis]) / counts for axis in range(3)], axis=1)
+    off = directions - means[own]
+    least = np.linalg.eigvalsh(off.T @ off / len(off))[0]
+    return float(np.degrees(np.sqrt(max(least, 0.0))))

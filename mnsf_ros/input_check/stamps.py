@@ -2,14 +2,14 @@
 """Assumption: header stamps are the times of the sweeps."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _ASSUMPTION: Final = "stamps are the times of the sweeps"
 # At 10 m/s it is .05 m, the noise of registration.
@@ -26,13 +26,20 @@ class Stamps:
 
     def __init__(self) -> None:
         self._stamps_s: deque[float] = deque(maxlen=200)
+        self._starts_s: deque[float] = deque(maxlen=200)  # of the first points
         self._first_ns = 0
         self._steps: deque[tuple[float, float]] = deque(maxlen=200)  # seconds, metres
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
-        self._first_ns = self._first_ns or sample.sweep.stamp_ns
-        self._stamps_s.append((sample.sweep.stamp_ns - self._first_ns) / 1e9)
+        stamp_ns = sample.sweep.stamp_ns
+        self._first_ns = self._first_ns or stamp_ns
+        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.times_s
+        known = times_s is not None and len(times_s) > 0
+        # A single point may be early.
+        first_s = float(np.quantile(times_s, 0.01)) if known else 0.0
+        self._stamps_s.append(stamp_s)
+        self._starts_s.append(stamp_s + first_s)
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
@@ -40,22 +47,24 @@ class Stamps:
 
     def facts(self) -> dict[str, str]:
         """Rate and jitter, in words."""
-        intervals_s = self._intervals_s
-        if len(intervals_s) == 0:
+        if len(self._stamps_s) < 2:
             return {}
-        text = f"{1 / np.median(intervals_s):.1f} Hz, stamps within {1e3 * self._jitter_s:.1f} ms"
+        rate_hz = 1 / max(float(np.median(np.diff(self._stamps_s))), 1e-9)
+        text = f"{rate_hz:.1f} Hz, stamps within {1e3 * _jitter_s(self._stamps_s):.1f} ms"
         return {"rate": f"{text} of an even clock"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
-        if len(self._intervals_s) < _MIN_SWEEPS or self._jitter_s < _MAX_JITTER_S:
-            return
-        by_stamps_m, by_clock_m = self._unexplained_m()
-        if by_stamps_m < _CLEARLY * by_clock_m:
+        if len(self._stamps_s) < _MIN_SWEEPS or self._jitter_s < _MAX_JITTER_S:
             return
         found = f"stamps are up to {1e3 * self._jitter_s:.0f} ms off an even clock"
         severity = Severity.WARNING
-        if by_clock_m < _CLEARLY * by_stamps_m:
+        by_stamps_m, by_clock_m = self._unexplained_m()
+        starts_s = _jitter_s(self._starts_s)
+        if starts_s < _CLEARLY * self._jitter_s:
+            severity = Severity.ERROR
+            found += f", but the first points only {1e3 * starts_s:.0f} ms"
+        elif by_clock_m < _CLEARLY * by_stamps_m:
             severity = Severity.ERROR
             found += (
                 f", but the sensor moves evenly: {by_clock_m:.2f} m from the clock, "
@@ -65,17 +74,8 @@ class Stamps:
         yield Finding(_ASSUMPTION, severity, found, remedy)
 
     @property
-    def _intervals_s(self) -> NDArray[np.float64]:
-        intervals_s = np.diff(self._stamps_s)
-        return intervals_s[intervals_s > 0]
-
-    @property
     def _jitter_s(self) -> float:
-        """Nine of ten intervals are nearer to a multiple of the usual one."""
-        intervals_s = self._intervals_s
-        usual_s = np.median(intervals_s)
-        off_s = intervals_s - usual_s * np.round(intervals_s / usual_s)
-        return float(np.quantile(np.abs(off_s), 0.9))
+        return _jitter_s(self._stamps_s)
 
     def _unexplained_m(self) -> tuple[float, float]:
         """Metres of a step that the speed beside it leaves, by stamps and by an even clock."""
@@ -97,3 +97,14 @@ class Stamps:
             float(np.median(np.abs(ways_m[inner] - by_stamps))),
             float(np.median(np.abs(ways_m[inner] - beside_m / 2))),
         )
+
+
+def _jitter_s(times_s: Sequence[float]) -> float:
+    """Nine of ten intervals are nearer to a multiple of the usual one."""
+    intervals_s = np.diff(times_s)
+    intervals_s = intervals_s[intervals_s > 0]
+    if len(intervals_s) == 0:
+        return 0.0
+    usual_s = np.median(intervals_s)
+    off_s = intervals_s - usual_s * np.round(intervals_s / usual_s)
+    return float(np.quantile(np.abs(off_s), 0.9))
