@@ -14,8 +14,9 @@ from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 _UP: Final = "z is up"
 _LENS: Final = "the origin of the frame is the lidar"
 # One look in so many sweeps: the mounting does not change.
-_EVERY: Final = 10
-_NUM_PLANES: Final = 150
+_EVERY: Final = 20
+_NUM_PLANES: Final = 100
+_NUM_POINTS: Final = 1000
 _CELL_M: Final = 0.5
 _MIN_CELLS: Final = 50
 _MIN_SHARE: Final = 0.1
@@ -103,7 +104,8 @@ def _ground(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
     cells = np.unique(np.floor(xyz / _CELL_M).astype(np.int64), axis=0, return_index=True)[1]
     if len(cells) < _MIN_CELLS:
         return None
-    points, rng = xyz[cells], np.random.default_rng(len(cells))
+    rng = np.random.default_rng(len(cells))
+    points = xyz[rng.permutation(cells)[:_NUM_POINTS]]
     first, second, third = points[rng.integers(0, len(points), (3, _NUM_PLANES))]
     normals = np.cross(second - first, third - first)
     lengths = np.linalg.norm(normals, axis=1)

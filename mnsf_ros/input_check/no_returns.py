@@ -15,6 +15,7 @@ _MAX_ZEROS: Final = 0.001
 # Of the points, within .1 m of one range near the farthest one; a wall around the sensor is never
 # as even, and sweeps have .5 % there at most.
 _MAX_SHELL: Final = 0.03
+_EVERY: Final = 5  # sweeps
 _THICKNESS_M: Final = 0.1
 _NEAR_END: Final = 0.97
 _MIN_DIRECTIONS: Final = 12  # of 72
@@ -27,13 +28,15 @@ class NoReturns:
         self._zeros: deque[float] = deque(maxlen=100)
         self._lost: deque[float] = deque(maxlen=100)
         self._shells: deque[tuple[float, float]] = deque(maxlen=100)  # share, metres
+        self._num = 0
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
         self._zeros.append(sample.zero_share)
         if sample.cloud is not None:
             self._lost.append(1 - len(sample.sweep) / max(len(sample.cloud.finite), 1))
-        if len(sample.ranges):
+        self._num += 1
+        if len(sample.ranges) and self._num % _EVERY == 1:
             self._shells.append(_shell(sample))
 
     def move(self, step: Step) -> None:

@@ -25,6 +25,9 @@ _MAX_SHARE: Final = 0.2
 _MIN_STEPS: Final = 3
 # Registering two sweeps for this alone takes as long as an estimate.
 _EVERY: Final = 50
+# Residuals are compared in one step of so many, with a part of the points.
+_COMPARED: Final = 4
+_STRIDE: Final = 4
 _LONGER: Final = 1.3  # residual under odometry over that under registration
 
 
@@ -35,7 +38,7 @@ class OdometryFit:
         self._settings = replace(settings, source=EgoSource.REGISTRATION.value)
         # Difference in metres, and both residuals, NaN where they need not be compared.
         self._steps: deque[tuple[float, float, float]] = deque(maxlen=100)
-        self._num = 0
+        self._num, self._since_compared = 0, _COMPARED
 
     def add(self, sample: SweepSample) -> None:
         """Odometry is judged by steps."""
@@ -56,8 +59,10 @@ class OdometryFit:
         motion = np.linalg.inv(before.odometry) @ after.odometry
         difference_m = _difference_m(motion, registered)
         residuals_m = (np.nan, np.nan)
-        if difference_m > _MIN_DIFFERENCE_M:
-            clouds = before.xyz, step.after.sample.xyz
+        self._since_compared += 1
+        if difference_m > _MIN_DIFFERENCE_M and self._since_compared >= _COMPARED:
+            self._since_compared = 0
+            clouds = before.xyz[::_STRIDE], step.after.sample.xyz
             residuals_m = _residual_m(*clouds, motion), _residual_m(*clouds, registered)
         self._steps.append((difference_m, *residuals_m))
 
@@ -73,9 +78,11 @@ class OdometryFit:
         if len(self._steps) < _MIN_STEPS:
             return
         differences_m, own_m, registered_m = np.array(self._steps).T
-        with np.errstate(invalid="ignore"):
-            contradicted = own_m > _LONGER * registered_m
-        share = float(np.mean(contradicted))
+        contradicted = own_m > _LONGER * registered_m
+        num_compared = np.count_nonzero(np.isfinite(own_m))
+        # Steps that differ little are not compared, and fit.
+        differing = np.mean(differences_m > _MIN_DIFFERENCE_M)
+        share = float(differing * np.count_nonzero(contradicted) / max(num_compared, 1))
         if share > _MAX_SHARE:
             yield Finding(
                 _ASSUMPTION,

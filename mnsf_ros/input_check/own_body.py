@@ -1,7 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Assumption: the robot itself is not in the clouds."""
 
-from collections import Counter, deque
 from collections.abc import Iterator
 from typing import Final
 
@@ -15,9 +14,11 @@ from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 _ASSUMPTION: Final = "the robot itself is not in the clouds"
 _REACH_M: Final = 3.0
 _CELL_M: Final = 0.1
+_NUM_CELLS: Final = 60
 # Static things are elsewhere after this way.
 _WAY_M: Final = 1.0
-_MIN_LOOKS: Final = 5
+_MIN_STEPS: Final = 5
+_MIN_LOOKS: Final = 4
 _MAX_LOOKS: Final = 20
 _SHARE: Final = 0.8  # of the looks
 _MIN_POINTS: Final = 20
@@ -32,8 +33,11 @@ class OwnBody:
 
     def __init__(self, mounting: Mounting, min_range_m: float) -> None:
         self._mounting, self._min_range_m = mounting, min_range_m
-        self._looks: deque[Counter[tuple[int, int, int]]] = deque(maxlen=_MAX_LOOKS)
-        self._way_m, self._num_points = np.inf, 1
+        self._num_looks = 0
+        # Of each cell around the sensor: looks in which it was full, and points in all of them.
+        self._num_full: NDArray[np.int64] = np.zeros(_NUM_CELLS**3, np.int64)
+        self._num_points: NDArray[np.int64] = np.zeros(_NUM_CELLS**3, np.int64)
+        self._way_m, self._num_steps, self._size = np.inf, _MIN_STEPS, 1
 
     def add(self, sample: SweepSample) -> None:
         """The body is seen by motion."""
@@ -41,50 +45,49 @@ class OwnBody:
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
         self._way_m += step.way_m
-        if self._way_m < _WAY_M:
+        self._num_steps += 1
+        if self._way_m < _WAY_M or self._num_steps < _MIN_STEPS or self._num_looks >= _MAX_LOOKS:
             return
-        self._way_m, self._num_points = 0.0, max(len(step.after.sweep), 1)
+        self._way_m, self._num_steps, self._size = 0.0, 0, max(len(step.after.sweep), 1)
         near = self._near(step.after.sweep.xyz)
-        cells = np.floor(near / _CELL_M).astype(np.int64)
-        self._looks.append(Counter(map(tuple, cells.tolist())))
+        x, y, z = np.floor((near + _REACH_M) / _CELL_M).astype(np.int64).T
+        counts = np.bincount((x * _NUM_CELLS + y) * _NUM_CELLS + z, minlength=_NUM_CELLS**3)
+        self._num_points += counts
+        self._num_full += counts > 0
+        self._num_looks += 1
 
     def facts(self) -> dict[str, str]:
         """Its points, in words."""
-        if len(self._looks) < _MIN_LOOKS:
+        if self._num_looks < _MIN_LOOKS:
             return {"own body": "unknown: the sensor does not move enough"}
         number, reach_m = self._found()
         return {"own body": f"{number} points within {reach_m:.1f} m" if number else "none"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
-        if len(self._looks) < _MIN_LOOKS:
+        if self._num_looks < _MIN_LOOKS:
             return
         number, reach_m = self._found()
         if number >= _MIN_POINTS:
-            share = number / self._num_points
-            severity = Severity.WARNING if share > _SMALL_SHARE else Severity.INFO
+            is_small = number < _SMALL_SHARE * self._size
+            severity = Severity.INFO if is_small else Severity.WARNING
             found = f"own body: {number} points within {reach_m:.1f} m move along with the sensor"
             remedy = f"Leave them out: crop.min_range_m={reach_m + 0.1:.1f}"
             yield Finding(_ASSUMPTION, severity, found, remedy)
 
     def _near(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
-        x, y, z = xyz.T
-        rows = np.flatnonzero(
-            (np.abs(x) < _REACH_M) & (np.abs(y) < _REACH_M) & (np.abs(z) < _REACH_M)
-        )
-        near = xyz[rows]
-        ranges = np.linalg.norm(near, axis=1)
-        is_near = (ranges < _REACH_M) & (ranges > self._min_range_m)
+        """The points (M, 3) that may be of the body."""
+        squared = np.einsum("ij,ij->i", xyz, xyz)
+        near = xyz[(squared < _REACH_M**2) & (squared > self._min_range_m**2)]
         if (ground := self._mounting.ground) is not None:
-            is_near &= near @ ground[:3] + ground[3] > _MIN_HEIGHT_M
-        return near[is_near]
+            near = near[near @ ground[:3] + ground[3] > _MIN_HEIGHT_M]
+        return near
 
     def _found(self) -> tuple[int, float]:
         """Points of a sweep on the body, and how far it reaches."""
-        seen = Counter(cell for look in self._looks for cell in look)
-        own = {cell for cell, number in seen.items() if number >= _SHARE * len(self._looks)}
-        if not own:
+        own = np.flatnonzero(self._num_full >= _SHARE * self._num_looks)
+        if len(own) == 0:
             return 0, 0.0
-        number = np.median([sum(look[cell] for cell in own) for look in self._looks])
-        reach_m = np.linalg.norm((np.array(list(own)) + 0.5) * _CELL_M, axis=1).max()
-        return int(number), float(reach_m)
+        cells = np.stack(np.unravel_index(own, (_NUM_CELLS,) * 3), axis=1)
+        reach_m = np.linalg.norm((cells + 0.5) * _CELL_M - _REACH_M, axis=1).max()
+        return round(int(self._num_points[own].sum()) / self._num_looks), float(reach_m)

@@ -31,7 +31,8 @@ class _Times(NamedTuple):
     """Times of one sweep; its duration is that of the whole turn for a lidar that turns."""
 
     duration_s: float
-    span_s: float
+    span_s: float  # of 98 % of the points
+    reach_s: float  # of all
     is_turning: bool
     num_distinct: int
     elsewhere: float  # share of points whose time does not fit their azimuth
@@ -114,6 +115,10 @@ class TimesOfPoints:
         elif self._is_turning and duration_s < 1 / _MAX_RATE_HZ and duration_s < interval_s / 2:
             text += f": no lidar turns {1 / duration_s:.0f} times a second"
             yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
+        reach_s = float(np.median([one.reach_s for one in self._times]))
+        if reach_s > 2 * span_s:
+            text = f"{spans}, but those of a few points {1e3 * reach_s:.1f} ms"
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
         if not self._is_turning:
             return
         distinct = int(np.median([one.num_distinct for one in self._times]))
@@ -144,4 +149,5 @@ def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:
     is_turning = abs(mean) > _TURNING
     elsewhere = np.mean((phase * np.conj(mean)).real < 0) if is_turning else 0.0
     duration_s = turn_s if is_turning else span_s
-    return _Times(duration_s, span_s, bool(is_turning), len(np.unique(times_s)), float(elsewhere))
+    reach_s, num_distinct = float(np.ptp(times_s)), len(np.unique(times_s))
+    return _Times(duration_s, span_s, reach_s, bool(is_turning), num_distinct, float(elsewhere))

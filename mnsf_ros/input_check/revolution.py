@@ -15,6 +15,7 @@ _ASSUMPTION: Final = "a cloud is one revolution"
 # Of the directions of a cloud, seen in the cloud before, too: whole clouds have .9 and more.
 _MIN_COMMON: Final = 0.6
 _MIN_SWEEPS: Final = 4
+_NUM_VIEWS: Final = 20  # clouds whose elevations are looked at
 
 
 class Revolution:
@@ -29,7 +30,7 @@ class Revolution:
         """Takes the next sweep."""
         self._sectors.append(sample.sectors)
         self._counts.append(len(sample.sweep))
-        if len(sample.xyz):
+        if len(sample.xyz) and len(self._counts) < _NUM_VIEWS:
             low, high = np.quantile(sample.elevations, (0.002, 0.998))
             self._low, self._high = min(self._low, low), max(self._high, high)
 
