@@ -10,7 +10,7 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import Findings, recorded_poses, recorded_sweeps
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
-from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.finding import Finding
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
@@ -34,7 +34,7 @@ class Examination:
     @property
     def is_wrong(self) -> bool:
         """Whether a finding harms the flow."""
-        return any(one.severity > Severity.INFO for one in self.findings)
+        return any(one.is_wrong for one in self.findings)
 
 
 def examined(

@@ -29,6 +29,11 @@ class Finding:
     found: str
     remedy: str
 
+    @property
+    def is_wrong(self) -> bool:
+        """Whether it harms the flow for sure."""
+        return self.severity > Severity.INFO
+
     def __str__(self) -> str:
         """Returns one line."""
         return f"{self.found}. {self.remedy}"

@@ -47,10 +47,14 @@ class Assumption(Protocol):
 class InputCheck:
     """Measures what the method assumes about its input. Any thread may call it.
 
-    It keeps some points of a dozen sweeps and some hundred numbers.
+    It keeps a dozen sweeps and some hundred numbers.
+
+    Attributes:
+        num_sweeps: Sweeps that were added.
     """
 
     def __init__(self, settings: Settings) -> None:
+        self.num_sweeps = 0
         self._lock = threading.Lock()
         mounting = Mounting()
         self._odometry = OdometryFit(settings.ego_motion)
@@ -70,6 +74,7 @@ class InputCheck:
     def add(self, sweep: Sweep) -> None:
         """Takes the next sweep, with the CloudSource of its message as `source`."""
         with self._lock:
+            self.num_sweeps += 1
             sample = SweepSample.of(sweep)
             self._waiting.append(sample)
             for assumption in self._all:

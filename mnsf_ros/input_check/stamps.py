@@ -35,11 +35,10 @@ class Stamps:
         stamp_ns = sample.sweep.stamp_ns
         self._first_ns = self._first_ns or stamp_ns
         stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.times_s
-        known = times_s is not None and len(times_s) > 0
         # A single point may be early.
-        first_s = float(np.quantile(times_s, 0.01)) if known else 0.0
+        first_s = 0.0 if times_s is None or not len(times_s) else np.quantile(times_s, 0.01)
         self._stamps_s.append(stamp_s)
-        self._starts_s.append(stamp_s + first_s)
+        self._starts_s.append(stamp_s + float(first_s))
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""

@@ -8,6 +8,7 @@ from std_srvs.srv import Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
@@ -23,6 +24,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 _REFRESH_PERIOD_S = 0.2
+_MIN_CHECKED = 20  # sweeps; the first ones of a bag or a driver are odd
 _PAUSE_PERIOD_S = 1.0  # between two lines of one kind in the log
 
 
@@ -45,6 +47,7 @@ class SceneFlowParts:
         self._parameters = parameters
         self._logger = node.get_logger()
         self._faults = faults
+        self._input_check = InputCheck(parameters.settings)
         try:
             self._join_topics(pause)
         except RuntimeError as error:
@@ -74,6 +77,7 @@ class SceneFlowParts:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
+        self._input_check = InputCheck(self._settings)
 
     def close(self, timeout_s: float) -> None:
         """Abandons the estimate under way, and waits for that as long as the timeout."""
@@ -128,6 +132,7 @@ class SceneFlowParts:
         self._faults.warn(event, text)
 
     def _on_sweep(self, sweep: Sweep, arrived_ns: int) -> None:
+        self._input_check.add(sweep)
         is_wanted = self._settings.node.always_estimate or self._frame is not None
         is_wanted = is_wanted or self._outputs.are_watched or self._explanations.are_watched
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_wanted)
@@ -145,6 +150,9 @@ class SceneFlowParts:
         self._outputs.publish(job.triplet, estimate, self._settings.output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._explanations.keep(job.triplet, estimate)
+        if (known := estimate.over_ground) is not None:
+            located = job.triplet.current, known.world_from_sensor, known.source
+            self._input_check.locate(*located)
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:
@@ -172,6 +180,7 @@ class SceneFlowParts:
             self._input.state,
             self._pipeline.load,
             self._settings,
+            self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else (),
         )
         self._diagnostics_publisher.publish(message)
 
@@ -183,3 +192,4 @@ class SceneFlowParts:
         except SettingsError:
             self._pipeline.change_settings(self._settings)
             raise
+        self._input_check = InputCheck(settings)
