@@ -150,7 +150,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     movers, doubtful = table.movers, table.doubtful
-    features = moving_features(movers.moving, movers.scores, movers.held)
+    features = moving_features(movers.moving, movers.scores, movers.residual_rise)
     yield "moving", of_objects(movers.points, features)
     yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.standing))
     suspects = np.concatenate([movers.points.numbers, doubtful.points.numbers])

@@ -404,6 +404,11 @@ class ComputeSettings:
     cuda_graphs: bool = declared(
         True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
     )
+    adapt: bool = declared(
+        True,
+        "In the node, where sweeps are dropped for lack of time, do less for each: without older "
+        "sweeps, then with half and a quarter of objects.max_suspects; all again when that is over",
+    )
     seed: int = declared(0, "Seed of initial weights and random points", 0, 2_147_483_647)
 
 

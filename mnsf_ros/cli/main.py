@@ -31,6 +31,7 @@ _COMMANDS: Final = {
         "doctor",
     ),
     "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),
+    "estimate": ("write the flow of a recording as a recording, for any viewer", "estimate"),
     "explain": ("explain why one place of one sweep was called dynamic or not", "explain"),
     "report": ("write the HTML report of an evaluation again, from its rows.jsonl", "evaluate"),
     "study": ("reproduce a table or case study of the paper: NAME.md, NAME.csv", "study"),

@@ -110,6 +110,25 @@ class OverGround:
         )
 
 
+class Effort(IntEnum):
+    """How much a live method does for an estimate; the node takes less under load."""
+
+    FULL = 0
+    NEAR_SWEEPS = 1
+    HALF = 2
+    LEAST = 3
+
+    @property
+    def text(self) -> str:
+        """What is left out."""
+        return (
+            "full",
+            "without older sweeps",
+            "without older sweeps, half of objects.max_suspects",
+            "without older sweeps, a quarter of objects.max_suspects",
+        )[self]
+
+
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
@@ -218,6 +237,7 @@ class FlowEstimate:
             that have none.
         over_ground: Motion without the ego motion, of methods that estimate it.
         num_left_out: Suspects beyond the limit of the settings, which count as static.
+        effort: How much of it was done.
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
 
@@ -231,6 +251,7 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
+    effort: Effort = Effort.FULL
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 
     def part(self, rows: NDArray[np.int64]) -> "FlowEstimate":

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, runtime_checkable
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -95,6 +95,17 @@ class SceneFlowEstimator(Protocol):
             SettingsError: If the method cannot work with the settings.
         """
         ...
+
+
+@runtime_checkable
+class AdaptingEstimator(Protocol):
+    """A method that can do less where it would else be too slow.
+
+    Attributes:
+        effort: Of the next estimate. It is set by the thread that estimates.
+    """
+
+    effort: Effort
 
 
 @runtime_checkable

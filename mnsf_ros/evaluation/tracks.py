@@ -113,7 +113,20 @@ class CloudRows:
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
+    """Yields the sweeps of `recorded_clouds` without their messages: `source` is a CloudRows."""
+    for sweep in recorded_clouds(reader, topic, settings, findings):
+        if sweep is None:
+            yield None
+            continue
+        cloud: CloudSource = sweep.source
+        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
+        yield replace(sweep, source=source)
+
+
+def recorded_clouds(
+    reader: BagReader, topic: str, settings: TimeSettings, findings: Findings
+) -> Iterator[Sweep | None]:
+    """Yields the finite points of each sweep of a topic as received, `source` a CloudSource.
 
     None marks a gap; findings collect damage.
     """
@@ -125,8 +138,7 @@ def recorded_sweeps(
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         if findings.input_check is not None:
             findings.input_check.add(sweep)
-        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
-        return replace(sweep, source=source)
+        return sweep
 
     return _decoded(reader, topic, findings, sweep_of)
 

@@ -43,9 +43,6 @@ COMMAND_PREFIX: Final = "command:"
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
-# What torch imports by itself with the first optimizer, for a second and more.
-OPTIMIZER_MODULE: Final = "torch._dynamo"
-
 
 def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any) -> MethodMaker:  # noqa: ANN401 - see below
     """A method that fits networks: `MODULE:FUNCTION` with its options, and its `NetworkMethod`."""
@@ -63,8 +60,7 @@ def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any)
 def _load_torch() -> None:
     if "torch" not in sys.modules:
         _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
-    # Else the first estimate would take a second longer, in which it cannot be abandoned.
-    import_module(OPTIMIZER_MODULE)
+        import_module("torch")
 
 
 def _live_or_as_published(settings: Settings) -> SceneFlowEstimator:

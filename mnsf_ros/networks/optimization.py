@@ -7,7 +7,7 @@ read a number; there the steps are recorded once as a graph and replayed.
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +15,7 @@ from typing import TypeAlias
 
 import torch
 from torch import nn
+from torch.optim.adam import adam
 
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason, check_cancelled
 from mnsf_ros.errors import OptimizationError
@@ -65,20 +66,7 @@ class Schedule:
 LossOf: TypeAlias = Callable[[], torch.Tensor | tuple[torch.Tensor, torch.Tensor]]
 
 
-def adam(weights: list[nn.Parameter], weight_decay: float = 0.0) -> torch.optim.Adam:
-    """The optimizer of all networks, before its first step."""
-    # Fused: one pass over all weights; for networks this small that is a tenth of a step.
-    # Capturable: on CUDA a step can be recorded.
-    is_on_cuda = weights[0].is_cuda
-    return torch.optim.Adam(weights, weight_decay=weight_decay, fused=True, capturable=is_on_cuda)
-
-
-def minimize(
-    network: nn.Module,
-    loss_of: LossOf,
-    schedule: Schedule,
-    optimizer: torch.optim.Adam | None = None,
-) -> OptimizationResult:
+def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
     """Optimizes a network in place; one without weights stays as it is.
 
     Args:
@@ -86,7 +74,6 @@ def minimize(
         loss_of: Computes the current loss, as a rule in metres. It must not read a value of the
             device.
         schedule: Number and size of the steps, and when to stop.
-        optimizer: Of an earlier fit of this network, whose state goes on; None: a fresh one.
 
     Raises:
         OptimizationError: If a loss is not finite and there are no better weights to return to.
@@ -96,8 +83,7 @@ def minimize(
     if not weights:
         loss, _ = _parts(loss_of())
         return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
-    optimizer = optimizer or adam(weights, schedule.weight_decay)
-    fit = _Fit(weights, loss_of, schedule, optimizer)
+    fit = _Fit(weights, loss_of, schedule)
     if fit.device.type == "cuda":
         with _recorder().on_its_stream():
             _take_steps(fit, schedule)
@@ -127,6 +113,41 @@ def _take_steps(fit: "_Fit", schedule: Schedule) -> None:
             return
 
 
+class _Adam:
+    """Adam on the weights of one fit.
+
+    The function of PyTorch, not its class: the class imports a compiler, 75 MB of memory.
+    """
+
+    def __init__(self, weights: Sequence[torch.Tensor], weight_decay: float) -> None:
+        self._weights, self._weight_decay = [*weights], weight_decay
+        self._means, self._squares = ([torch.zeros_like(each) for each in weights] for _ in "12")
+        self._num_steps = [torch.zeros((), device=each.device) for each in weights]
+
+    @torch.no_grad()
+    def step(self, gradients: Sequence[torch.Tensor], rate: torch.Tensor) -> None:
+        """Takes a step along the gradients, one for each of the weights."""
+        adam(
+            self._weights,
+            [_in_layout_of(*both) for both in zip(self._weights, gradients, strict=True)],
+            self._means,
+            self._squares,
+            [],
+            self._num_steps,
+            # One pass over all weights; for networks this small that is a tenth of a step.
+            fused=True,
+            # On CUDA a step can be recorded.
+            capturable=self._weights[0].is_cuda,
+            amsgrad=False,
+            beta1=0.9,
+            beta2=0.999,
+            lr=rate,
+            weight_decay=self._weight_decay,
+            eps=1e-8,
+            maximize=False,
+        )
+
+
 class _Fit:
     """One optimization under way; its early stopping and best weights stay on its device."""
 
@@ -135,11 +156,10 @@ class _Fit:
         weights: list[nn.Parameter],
         loss_of: LossOf,
         schedule: Schedule,
-        optimizer: torch.optim.Adam,
     ) -> None:
         self._parameters, self._loss_of, self._schedule = weights, loss_of, schedule
-        self._optimizer = optimizer
         self.device = device = weights[0].device
+        self._adam = _Adam(weights, schedule.weight_decay)
         self.num_steps = 0
         self.is_late = False
         # Adam on CUDA reads its step size as float32.
@@ -171,11 +191,7 @@ class _Fit:
         self._take_loss(total.detach().double())
         self._rate.copy_(self._rates.index_select(0, self._turn)[0])
         self._turn.add_(1)
-        for group in self._optimizer.param_groups:
-            group["lr"] = self._rate
-        for parameter, gradient in zip(self._parameters, gradients, strict=True):
-            parameter.grad = _in_layout_of(parameter, gradient)
-        self._optimizer.step()
+        self._adam.step(gradients, self._rate)
         if self._schedule.patience:
             self._judge(judged.detach().double())
 
@@ -215,7 +231,6 @@ class _Fit:
         num_active = int(self._num_active)
         is_kept = num_active > 0 and (self._schedule.keep_best or self._schedule.patience > 0)
         for parameter, kept in zip(self._parameters, self._kept, strict=True):
-            parameter.grad = None
             if is_kept:
                 parameter.copy_(kept)
         last, best = self._loss.item(), self._best.item()

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""g_f, g_b and g_fusion of a stream: weights and optimizers that live from triplet to triplet."""
+"""g_f, g_b and g_fusion of a stream: weights that live from triplet to triplet."""
 
 from typing import Final
 
@@ -19,7 +19,7 @@ from mnsf_ros.networks.networks import (
     invert_motion,
     num_encoded,
 )
-from mnsf_ros.networks.optimization import LossOf, Schedule, adam, minimize
+from mnsf_ros.networks.optimization import LossOf, Schedule, minimize
 from mnsf_ros.settings import Settings
 
 STAGES: Final = ("forward", "backward", "fusion")
@@ -53,11 +53,6 @@ class WarmNetworks:
         device = compute_device(settings.compute)
         parts = (part.to(device) for part in (forward, backward, fusion))
         self.networks: dict[str, nn.Module] = dict(zip(STAGES, parts, strict=True))
-        self._optimizers = {
-            stage: adam(weights)
-            for stage, network in self.networks.items()
-            if (weights := list(network.parameters()))
-        }
 
     def encoded(self, positions: torch.Tensor) -> torch.Tensor:
         """Input of both fields: (M, 3) metres to (M, C)."""
@@ -70,8 +65,7 @@ class WarmNetworks:
             OptimizationError: If the loss is not finite.
             CancelledError: If the schedule says so.
         """
-        network, optimizer = self.networks[stage], self._optimizers.get(stage)
-        result = minimize(network, loss_of, schedule, optimizer)
+        result = minimize(self.networks[stage], loss_of, schedule)
         self.fitted.add(stage)
         return result
 

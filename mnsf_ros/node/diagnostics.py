@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node.node_log import FaultLog
@@ -301,6 +302,8 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
         "precision": newest.precision,
         "start": newest.start.value,
         "cold starts, recent": sum(item.start is not Start.WARM for item in estimates),
+        "effort": newest.effort.text,
+        "with less effort, recent": sum(item.effort is not Effort.FULL for item in estimates),
         "estimate median [ms]": _number(snapshot.estimate_ms),
     }
     for stage in newest.times_ms:

@@ -9,6 +9,7 @@ from typing import Any, Final, TypeAlias
 from uuid import UUID, uuid4, uuid5
 
 import numpy as np
+from geometry_msgs.msg import Point32
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header
@@ -108,11 +109,12 @@ def installed_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:
 def _list(
     message_type: type[Message],
     items: str,
-    make: Callable[[TrackedObject], Message],
+    make: Callable[[TrackedObject], Message | None],
     header: Header,
     objects: Objects,
 ) -> Message:
-    message, made = message_type(header=header), [make(item) for item in objects]
+    message = message_type(header=header)
+    made = [one for item in objects if (one := make(item)) is not None]
     for item in made:
         if hasattr(item, "header"):
             item.header = header
@@ -120,10 +122,26 @@ def _list(
     return message
 
 
-def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Message:
-    """An autoware_perception_msgs/TrackedObject; its twist is in the axes of the object."""
-    found = messages.TrackedObject()
+def _autoware_tracked(messages: Messages, run: UUID, item: TrackedObject) -> Message:
+    """An autoware_perception_msgs/TrackedObject."""
+    found = _in_autoware(messages, messages.TrackedObject(), item)
     found.object_id.uuid = _uuid(item, run)
+    found.kinematics.is_stationary = False
+    return found
+
+
+def _autoware_detected(messages: Messages, _run: UUID, item: TrackedObject) -> Message | None:
+    """An autoware_perception_msgs/DetectedObject, with its velocity; None if it is hidden now."""
+    if item.num_points == 0:
+        return None
+    found = _in_autoware(messages, messages.DetectedObject(), item)
+    state = found.kinematics
+    state.has_position_covariance = state.has_twist = state.has_twist_covariance = True
+    return found
+
+
+def _in_autoware(messages: Messages, found: Message, item: TrackedObject) -> Message:
+    """What both messages share; twist and footprint are in the axes of the object."""
     found.existence_probability = 1.0
     found.classification = [
         messages.ObjectClassification(label=messages.ObjectClassification.UNKNOWN, probability=1.0)
@@ -131,8 +149,10 @@ def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Mess
     shape, size = found.shape, found.shape.dimensions
     shape.type = messages.Shape.BOUNDING_BOX
     size.x, size.y, size.z = item.size.tolist()
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * item.size[:2] / 2
+    shape.footprint.points = [Point32(x=x, y=y) for x, y in corners.tolist()]
     state = found.kinematics
-    state.orientation_availability = messages.TrackedObjectKinematics.AVAILABLE
+    state.orientation_availability = type(state).AVAILABLE
     pose, twist = state.pose_with_covariance, state.twist_with_covariance
     place, speed = pose.pose.position, twist.twist.linear
     place.x, place.y, place.z = item.center.tolist()
@@ -183,7 +203,11 @@ def _detection(messages: Messages, _run: UUID, item: TrackedObject) -> Message:
 _OPTIONAL: Final = {
     "~/objects/autoware": (
         *("autoware_perception_msgs", "TrackedObjects", "objects"),
-        _autoware_object,
+        _autoware_tracked,
+    ),
+    "~/objects/autoware/detected": (
+        *("autoware_perception_msgs", "DetectedObjects", "objects"),
+        _autoware_detected,
     ),
     "~/objects/detections": ("vision_msgs", "Detection3DArray", "detections", _detection),
     "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", "obstacles", _nav2_obstacle),

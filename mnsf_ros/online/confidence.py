@@ -23,16 +23,16 @@ _STANDING: Final = (3.12, -0.34)
 
 
 def moving_confidence(
-    moving: JudgedMotions, scores: NDArray[np.float64], held: NDArray[np.float64]
+    moving: JudgedMotions, scores: NDArray[np.float64], residual_rise: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K dynamic objects.
 
     Args:
         moving: Their motions.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
-        held: (K,) metres, rise of the residual for shifted motions, see `held_m`.
+        residual_rise: (K,) metres, rise of the residual for shifted motions, see `residual_rise_m`.
     """
-    return _logistic(moving_features(moving, scores, held), _MOVING)
+    return _logistic(moving_features(moving, scores, residual_rise), _MOVING)
 
 
 def doubtful_confidence(standing: JudgedMotions) -> NDArray[np.float32]:
@@ -59,11 +59,11 @@ def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def moving_features(
-    moving: JudgedMotions, scores: NDArray[np.float64], held: NDArray[np.float64]
+    moving: JudgedMotions, scores: NDArray[np.float64], residual_rise: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    uncertainty = np.log((moving.cost + NOISE_M) / (held + NOISE_M))
+    uncertainty = np.log((moving.cost + NOISE_M) / (residual_rise + NOISE_M))
     return _with_constant(uncertainty, np.log1p(np.maximum(scores, 0.0)), np.log1p(lengths))
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.geometry.point_sets import chosen_points
-from mnsf_ros.online.motions import JudgedMotions, are_same, held_m, judge
+from mnsf_ros.online.motions import JudgedMotions, are_same, judge, residual_rise_m
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.online.scene import Scene
 from mnsf_ros.online.sightings import mover_groups
@@ -45,8 +45,8 @@ def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     groups = mover_groups(
         followed.points, followed.moving.motions, *followed.points.all_points(current)
     )
-    held = held_m(followed.points, followed.moving, targets)
-    table = table.put(rows[may_move], held=held, groups=groups)
+    residual_rise = residual_rise_m(followed.points, followed.moving, targets)
+    table = table.put(rows[may_move], residual_rise=residual_rise, groups=groups)
     # An object in the group of a mover moves, too.
     is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
     stands_beside = np.isin(points.numbers, fitted.wholes[is_moving])

@@ -67,12 +67,12 @@ class Expectation(Rows):
         """(K,) whether an object has a track."""
         return self.shares > 0
 
-    def surprise(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns (K,) the surprise of motions (K, 3), metres: their negative log-likelihood.
+    def prior_cost(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (K,) the prior costs of motions (K, 3), metres: their negative log-likelihood.
 
         A moving track predicts its object's motion within the errors of the track. If the track
         does not move, or predicts no more than half of the object's points, all motions are equally
-        likely and the surprise is 0, as it is without a track.
+        likely and the cost is 0, as it is without a track.
         """
         moves = expit(self.scores) * (self.shares > 0.5)
         apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
@@ -82,6 +82,6 @@ class Expectation(Rows):
         """Returns (K, 3) metres, the predictions; without a track, the given motions."""
         return np.where(self.is_known[:, None], self.motions, motions)
 
-    def beside(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    def candidates(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Returns (K, 3) metres each: the given motions, and the predictions if there are any."""
         return [motions, self.or_else(motions)] if self.is_known.any() else [motions]

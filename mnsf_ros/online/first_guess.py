@@ -36,8 +36,8 @@ def first_guesses(
     targets, interval_s = scene.targets, scene.usual_interval_s
     reach_m, changed_m = scene.settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
     voted = voted_motions(some, targets.near, reach_m, best.motions)
-    best = best_of(some, targets, best, expected.beside(voted), expected.surprise)
+    best = best_of(some, targets, best, expected.candidates(voted), expected.prior_cost)
     if targets.past:
         voted = voted_motions(some, targets.past, changed_m, best.motions)
-        best = best_of(some, targets, best, [voted], expected.surprise)
+        best = best_of(some, targets, best, [voted], expected.prior_cost)
     return best.motions, are_worth_a_fit(table, best, targets)

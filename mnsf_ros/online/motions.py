@@ -19,15 +19,15 @@ _STEP: Final = 1.8
 # A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
 # change, most of all when a vehicle brakes.
 CLEARLY_SHARE: Final = 0.8
-# A motion of this surprise must have a residual smaller by a factor of e.
-_SURPRISE: Final = 6.0
+# A motion of this prior cost must have a residual smaller by a factor of e.
+_PRIOR_SCALE: Final = 6.0
 # A motion shifted by this should have a larger residual; along a flat side it does not.
 _BESIDE_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
-# Motions (K, 3) to their surprise, see `Expectation.surprise`.
-Surprise = Callable[[NDArray[np.float32]], NDArray[np.float64]]
+# Motions (K, 3) to their prior costs, see `Expectation.prior_cost`.
+PriorCost = Callable[[NDArray[np.float32]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +60,19 @@ class JudgedMotions(Rows):
         """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.cost
 
-    def unlikely(self, surprise: Surprise) -> NDArray[np.float64]:
-        """Returns (K,) metres, total residual plus noise, times a factor for the surprise."""
-        excess = np.exp(surprise(self.motions) / _SURPRISE)
+    def posterior_cost(self, prior_cost: PriorCost) -> NDArray[np.float64]:
+        """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""
+        excess = np.exp(prior_cost(self.motions) / _PRIOR_SCALE)
         return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
 
     def better(
-        self, other: "JudgedMotions", surprise: Surprise, share: float = 1.0
+        self, other: "JudgedMotions", prior_cost: PriorCost, share: float = 1.0
     ) -> "JudgedMotions":
         """Returns for each object its own motion, or the other one if that is more likely.
 
-        The other motion wins if its `unlikely` is less than `share` times the own one.
+        The other motion wins if its posterior cost is less than `share` times the own one.
         """
-        wins = other.unlikely(surprise) < share * self.unlikely(surprise)
+        wins = other.posterior_cost(prior_cost) < share * self.posterior_cost(prior_cost)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -143,7 +143,7 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
-    surprise: Surprise,
+    prior_cost: PriorCost,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -152,14 +152,14 @@ def best_of(
         targets: The other sweeps.
         first: Judged motions.
         others: (K, 3) metres each, further candidates.
-        surprise: Of motions.
+        prior_cost: Of motions.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    excess = np.exp(np.concatenate([surprise(each) for each in others]) / _SURPRISE)
-    most_m = np.tile(first.unlikely(surprise), len(others)) / excess - 2 * NOISE_M
+    excess = np.exp(np.concatenate([prior_cost(each) for each in others]) / _PRIOR_SCALE)
+    most_m = np.tile(first.posterior_cost(prior_cost), len(others)) / excess - 2 * NOISE_M
     motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
     objects = objects.repeated(len(others)).take(new)
     found = judge(objects, targets, motions[new], most_m=most_m[new])
@@ -169,7 +169,7 @@ def best_of(
     near[new], past[new] = found.near, found.past
     judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.take(rows), surprise)
+        first = first.better(judged.take(rows), prior_cost)
     return first
 
 
@@ -179,7 +179,7 @@ def fuse_motions(
     forward: NDArray[np.float32],
     inverted: NDArray[np.float32],
     others: Sequence[NDArray[np.float32]],
-    surprise: Surprise,
+    prior_cost: PriorCost,
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
@@ -189,15 +189,19 @@ def fuse_motions(
         forward: (K, 3) metres, the forward flow.
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
-        surprise: Of motions.
+        prior_cost: Of motions.
     """
     mean = np.float32(0.5) * (forward + inverted)
-    fitted = best_of(objects, targets, judge(objects, targets, mean), (forward, inverted), surprise)
-    best = best_of(objects, targets, fitted, others, surprise)
-    return fitted.better(best, surprise, CLEARLY_SHARE)
+    fitted = best_of(
+        objects, targets, judge(objects, targets, mean), (forward, inverted), prior_cost
+    )
+    best = best_of(objects, targets, fitted, others, prior_cost)
+    return fitted.better(best, prior_cost, CLEARLY_SHARE)
 
 
-def held_m(objects: ObjectPoints, moving: JudgedMotions, targets: Targets) -> NDArray[np.float64]:
+def residual_rise_m(
+    objects: ObjectPoints, moving: JudgedMotions, targets: Targets
+) -> NDArray[np.float64]:
     """Returns (K,) metres, the smallest rise of the residual when the motion is shifted.
 
     The shifts are along and across the object. For a flat side that can slide along itself the

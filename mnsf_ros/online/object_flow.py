@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Verdict
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.online.decision import decided
 from mnsf_ros.online.first_guess import first_guesses
 from mnsf_ros.online.motion_memory import MotionMemory
 from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
-from mnsf_ros.online.output import flow_of, spread
+from mnsf_ros.online.output import flow_of, to_points
 from mnsf_ros.online.reasons import Reasons
 from mnsf_ros.online.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.online.sightings import Sightings
@@ -24,7 +24,7 @@ from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.tracks import Track
 from mnsf_ros.online.turning import Heads, turning, turns_of
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import ObjectSettings, Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _Own = TypeVar("_Own", bound="ObjectFlowEstimator")
@@ -42,6 +42,7 @@ class ObjectFlowEstimator:
     Attributes:
         settings: Settings of the estimator.
         traits: It uses three sweeps, or two where there is no previous one.
+        effort: Of the next estimate.
     """
 
     def __init__(self, settings: Settings, track_numbers: Iterator[int] | None = None) -> None:
@@ -56,7 +57,7 @@ class ObjectFlowEstimator:
         """
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
-        self.settings = settings
+        self.settings, self.effort = settings, Effort.FULL
         self.traits = MethodTraits(
             num_sweeps=3,
             carries_state=True,
@@ -94,17 +95,17 @@ class ObjectFlowEstimator:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock = StageClock(cancelled)
+        clock, effort = StageClock(cancelled), self.effort
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
             start = self._memory.start
             tracks = self._memory.expected(triplet.current.stamp_ns, triplet.interval_s)
-            scene = Scene.of(triplet, ready, tracks, start, self.settings.objects)
+            scene = Scene.of(triplet, ready, tracks, start, self.settings.objects, effort)
         with clock.stage("objects"):
             table = ObjectTable.of(scene)
-            table = with_suspects(table, scene.targets, self.settings.objects.max_suspects)
+            table = with_suspects(table, scene.targets, _max_suspects(scene.settings, effort))
         table = self._with_start(table, scene, clock)
         table = self._with_motions(table, scene, clock)
         with clock.stage("gate"):
@@ -117,7 +118,7 @@ class ObjectFlowEstimator:
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, table.movers, seen, heads)
         with clock.stage("output"):
-            over_ground = spread(scene, table, heads, tracks, ids)
+            over_ground = to_points(scene, table, heads, tracks, ids)
             flow = flow_of(scene.current, over_ground)
         return FlowEstimate(
             flow=flow,
@@ -126,6 +127,7 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
+            effort=effort,
             reason_of=Reasons(scene, table),
         )
 
@@ -169,17 +171,23 @@ class ObjectFlowEstimator:
         """
         objects, start, targets = table.points, table.start, scene.targets
         next_, *previous = targets.near
-        others, surprise = table.expected.beside(start), table.expected.surprise
+        others, prior_cost = table.expected.candidates(start), table.expected.prior_cost
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start)
         if not previous:
             with clock.stage("best motion"):
-                return best_of(objects, targets, judge(objects, targets, forward), others, surprise)
+                return best_of(
+                    objects, targets, judge(objects, targets, forward), others, prior_cost
+                )
         with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start)
         inverted = backward / np.float32(previous[0].steps)
         with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, inverted, others, surprise)
+            return fuse_motions(objects, targets, forward, inverted, others, prior_cost)
+
+
+def _max_suspects(settings: ObjectSettings, effort: Effort) -> int:
+    return settings.max_suspects // {Effort.HALF: 2, Effort.LEAST: 4}.get(effort, 1)
 
 
 def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:

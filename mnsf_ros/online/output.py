@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Output: motions of objects, spread over all points of the sweep."""
+"""Output: motions of objects, given to all points of the sweep."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +22,7 @@ from mnsf_ros.online.tracks import Track
 from mnsf_ros.online.turning import Heads, encoded, headed
 
 
-def spread(
+def to_points(
     scene: Scene,
     table: ObjectTable,
     heads: Heads,
@@ -49,7 +49,7 @@ def spread(
     offsets = np.take(current.xyz, own, axis=0) - movers.points.centers[rows]
     motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
     confidence = _static_confidence(current, owners, doubtful)
-    confidence[own] = moving_confidence(movers.moving, movers.scores, movers.held)[rows]
+    confidence[own] = moving_confidence(movers.moving, movers.scores, movers.residual_rise)[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.

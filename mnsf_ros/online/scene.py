@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.target import Target, Targets
@@ -153,12 +154,13 @@ class Scene:
         tracks: list[Track],
         start: Start,
         settings: ObjectSettings,
+        effort: Effort,
     ) -> "Scene":
         """Returns the scene of a triplet whose sweeps are ready."""
         *_, current, _ = ready.of_triplet
         near = ready.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)
-        past = ready.past(current, interval_s)
+        past = ready.past(current, interval_s) if effort is Effort.FULL else []
         current = split(current, past)
         near, past = ([replace(one, current=current) for one in each] for each in (near, past))
         return cls(current, Targets(near, past), tracks, interval_s, start, settings)

@@ -57,7 +57,7 @@ class Sightings:
         """
         followed = table.take(np.flatnonzero(table.groups >= 0))
         movers, groups, motions = followed.points, followed.groups, followed.moving.motions
-        scores, held = followed.scores, followed.held
+        scores, residual_rise = followed.scores, followed.residual_rise
         is_moving = followed.verdicts == Verdict.DYNAMIC
         number = int(groups.max(initial=-1)) + 1
         order = np.argsort(groups[movers.owners], kind="stable")
@@ -72,7 +72,7 @@ class Sightings:
         spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
         place_errors = spread.max(axis=1, initial=0.0)
         # If shifted motions hardly raise the residual, the velocity is uncertain.
-        shares = np.bincount(groups, counts * held, number) / weights[:, 0] / (2 * NOISE_M)
+        shares = np.bincount(groups, counts * residual_rise, number) / weights[:, 0] / (2 * NOISE_M)
         velocity_errors = _MOTION_M / interval_s / np.clip(shares, 1e-3, 1.0)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
         best = np.full(number, -np.inf)

@@ -39,7 +39,7 @@ class ObjectTable(Rows):
         free: (K,) points new or gone, see `free_space`.
         evidence: (K, E) features for and against the motion.
         scores: (K,) logarithm of the odds that it moves.
-        held: (K,) metres, rise of the residual for shifted motions, see `held_m`.
+        residual_rise: (K,) metres, rise of the residual for shifted motions, see `residual_rise_m`.
         groups: (K,) the group of objects that move, or may move, alike; else -1.
     """
 
@@ -53,7 +53,7 @@ class ObjectTable(Rows):
     free: NDArray[np.float64]
     evidence: NDArray[np.float64]
     scores: NDArray[np.float64]
-    held: NDArray[np.float64]
+    residual_rise: NDArray[np.float64]
     groups: NDArray[np.int64]
 
     @classmethod
@@ -93,7 +93,7 @@ class ObjectTable(Rows):
             free=np.zeros(number),
             evidence=np.zeros((number, NUM_FEATURES)),
             scores=np.zeros(number),
-            held=np.zeros(number),
+            residual_rise=np.zeros(number),
             groups=np.full(number, -1),
         )
 

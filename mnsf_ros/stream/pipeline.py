@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
 from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.latest_only_worker import LatestOnlyWorker
+from mnsf_ros.stream.load_control import LoadControl
 from mnsf_ros.stream.stream import PreparedTriplet, Stream
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival
@@ -80,6 +81,7 @@ class StreamPipeline:
         """
         self.statistics = StreamStatistics()
         self._stream = Stream(settings)
+        self._load_control = LoadControl()
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._handing_out = LatestOnlyWorker(self._hand_out, "output")
@@ -126,7 +128,7 @@ class StreamPipeline:
             if not is_watched:
                 self.statistics.count(TRIPLETS_UNWATCHED)
             elif self._preparing.submit(TripletJob(triplet, self._stream, arrived_ns)):
-                self.statistics.count(TRIPLETS_DROPPED)
+                self._count_drop()
         return arrival
 
     def close(self, timeout_s: float) -> bool:
@@ -145,7 +147,7 @@ class StreamPipeline:
 
     def _prepare(self, job: TripletJob) -> None:
         if self._estimating.submit((job, job.stream.prepare(job.triplet))):
-            self.statistics.count(TRIPLETS_DROPPED)
+            self._count_drop()
 
     def _estimate(self, work: tuple[TripletJob, PreparedTriplet]) -> None:
         job, prepared = work
@@ -160,14 +162,16 @@ class StreamPipeline:
         try:
             if is_abandoned():
                 raise CancelledError("the triplet was abandoned")
-            estimate = job.stream.estimate(prepared, is_abandoned)
+            effort = self._load_control.effort if prepared.settings.compute.adapt else Effort.FULL
+            estimate = job.stream.estimate(prepared, is_abandoned, effort)
         except CancelledError:
             self.statistics.count(TRIPLETS_ABANDONED)
         except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream
             self._fail(job, error)
         else:
+            self._load_control.count_estimate()
             if self._handing_out.submit((job, estimate)):
-                self.statistics.count(TRIPLETS_DROPPED)
+                self._count_drop()
 
     def _hand_out(self, flow: tuple[TripletJob, FlowEstimate]) -> None:
         job, estimate = flow
@@ -181,6 +185,10 @@ class StreamPipeline:
                 self.statistics.count(OBJECTS_LEFT_OUT, estimate.num_left_out)
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
+
+    def _count_drop(self) -> None:
+        self.statistics.count(TRIPLETS_DROPPED)
+        self._load_control.count_drop()
 
     def _fail(self, job: TripletJob, error: Exception) -> None:
         if self._estimating.is_closing:

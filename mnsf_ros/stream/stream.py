@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import (
+    AdaptingEstimator,
     MethodTraits,
     PreparingEstimator,
     SceneFlowEstimator,
@@ -161,9 +162,12 @@ class Stream:
         return PreparedTriplet(triplet, self._estimator, settings, self._start, content, failure)
 
     def estimate(
-        self, prepared: PreparedTriplet, cancelled: Callable[[], bool] = never
+        self,
+        prepared: PreparedTriplet,
+        cancelled: Callable[[], bool] = never,
+        effort: Effort = Effort.FULL,
     ) -> FlowEstimate:
-        """The second half of an estimate.
+        """The second half of an estimate, with less effort if the method can do that.
 
         Raises:
             CancelledError: If `cancelled` returns True.
@@ -172,6 +176,8 @@ class Stream:
         if prepared.error is not None:
             raise prepared.error
         estimator = prepared.estimator
+        if isinstance(estimator, AdaptingEstimator):
+            estimator.effort = effort
         if isinstance(estimator, PreparingEstimator):
             estimate = estimator.estimate(prepared.triplet, cancelled, prepared.content)
         else:

@@ -66,7 +66,7 @@ class TuneOptions:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SearchResult:
     """Result of a search.
 
     Attributes:
@@ -127,7 +127,7 @@ def tune(
     watch: Watch,
     *,
     resume: bool = False,
-) -> Outcome:
+) -> SearchResult:
     """Searches for better settings and judges them on the halves that were not tuned.
 
     The settings of the evaluation are the start; those that were set explicitly are not tuned. Of
@@ -161,7 +161,7 @@ def tune(
     on_tuned, on_other = (
         (judge(start), judge(start.changed(changed))) for judge in (tuned, held_out)
     )
-    return Outcome(start, tuned.goal, _num_done(study), changed, on_tuned, on_other)
+    return SearchResult(start, tuned.goal, _num_done(study), changed, on_tuned, on_other)
 
 
 def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:

@@ -17,7 +17,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
-from mnsf_ros.view.scene_message import Colors, Scene, error_colors, motion_colors
+from mnsf_ros.view.scene_message import Colors, DrawnSweep, error_colors, motion_colors
 
 
 class EstimatedSweep(NamedTuple):
@@ -65,10 +65,12 @@ def estimated_sweeps(
         raise next(iter(findings.damages)).error()
 
 
-def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
+def scene_of(sweep: EstimatedSweep, layer: str) -> DrawnSweep:
     """Returns a sweep as it is drawn, in the colours of a layer: estimate, truth or error."""
     current = sweep.example.triplet.current
-    return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *pose_and_objects(sweep))
+    return DrawnSweep(
+        current.stamp_ns, current.xyz, _COLORS[layer](sweep), *pose_and_objects(sweep)
+    )
 
 
 def pose_and_objects(sweep: EstimatedSweep) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:

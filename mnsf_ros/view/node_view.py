@@ -19,7 +19,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps_io.flow_columns import COLOR_NAME
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.page_view import PageView
-from mnsf_ros.view.scene_message import Paths, Scene, motion_colors, scene_message
+from mnsf_ros.view.scene_message import DrawnSweep, Paths, motion_colors, scene_message
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 from msg_utils.stamps import decode_stamp
@@ -83,7 +83,7 @@ class NodeView(PageView):
     def _forget(self) -> None:
         self._waiting: dict[int, dict[str, Any]] = {}  # parts by their stamp
         self._paths = Paths()
-        self._shown: Scene | None = None
+        self._shown: DrawnSweep | None = None
         self._latency_ms: float | None = None
         self._is_there = True
         self._parameters_due_s = 0.0
@@ -209,7 +209,7 @@ class NodeView(PageView):
         self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
 
 
-def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
+def _scene(stamp_ns: int, parts: dict[str, Any]) -> DrawnSweep:
     """The scene of the messages of one stamp; MessageError or ValueError for unusable ones."""
     xyz, finite = decode_xyz(parts["/flow"])
     points = decode_points(parts["/flow"]).ravel()[finite]
@@ -220,7 +220,7 @@ def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
     ego, objects = parts.get("/ego_motion"), parts.get("/objects")
     pose = np.eye(4) if ego is None else pose_matrix(ego.pose.pose)
     rows: Any = () if objects is None else decode_points(objects).ravel()
-    return Scene(stamp_ns, xyz, colors, pose, [_object(row) for row in rows])
+    return DrawnSweep(stamp_ns, xyz, colors, pose, [_object(row) for row in rows])
 
 
 def _object(row: Any) -> TrackedObject:  # noqa: ANN401 - of a structured array

@@ -33,7 +33,7 @@ _ERROR_RAMP: Final = np.array([[52, 58, 72], [226, 176, 44], [255, 58, 40]], np.
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class DrawnSweep:
     """One sweep to be drawn.
 
     Attributes:
@@ -114,7 +114,7 @@ class Paths:
         return Trails([*self._ego, place], tracks)
 
 
-def scene_message(scene: Scene, trails: Trails) -> bytes:
+def scene_message(scene: DrawnSweep, trails: Trails) -> bytes:
     """Returns a scene for the page.
 
     The length of a text in JSON, the text, the points as 3 N float32, and N uint32 of colours.

@@ -89,16 +89,12 @@ def steps_of(result):
 
 
 def state_of(networks):
-    """Weights and all that the optimizers know, as numbers by name."""
-    state = {
+    """Weights by name."""
+    return {
         f"{stage} {name}": weights.detach().clone()
         for stage, network in networks.networks.items()
         for name, weights in network.named_parameters()
     }
-    for stage, adam in networks._optimizers.items():
-        for number, values in adam.state_dict()["state"].items():
-            state |= {f"{stage} {number} {name}": value.clone() for name, value in values.items()}
-    return state
 
 
 def assert_same_state(seen, wanted):
@@ -134,11 +130,8 @@ def states(monkeypatch):
 
 
 def is_fresh(state):
-    """No optimizer has made a step yet, and the fields say that nothing moves."""
-    lasts = [state[f"{stage} _layers.2.weight"] for stage in STAGES[:2]]
-    return not any(name.endswith("step") for name in state) and not any(
-        last.any() for last in lasts
-    )
+    """The fields say that nothing moves."""
+    return not any(state[f"{stage} _layers.2.weight"].any() for stage in STAGES[:2])
 
 
 class TestOnADrive:
@@ -178,17 +171,13 @@ class TestOnADrive:
 
 
 class TestNetworksGoOn:
-    def test_with_weights_and_optimizers_from_triplet_to_triplet(self, states):
+    def test_with_their_weights_from_triplet_to_triplet(self, states):
         estimator = make_method("mnsf", SHORT)
         for each in drive(3):
             estimator.estimate(each)
         assert is_fresh(states[0][0])
         for (_, after), (before, _) in pairwise(states):
             assert_same_state(before, after)
-        first, later = SHORT.live.first_iterations, SHORT.optimization.max_iterations
-        steps = [after["backward 0 step"].item() for _, after in states]
-        assert steps == [first, first + later, first + 2 * later]
-        assert states[1][1]["fusion 0 step"] == first + SHORT.fusion.max_iterations
         # Each fit teaches all three.
         for stage in STAGES:
             names = [name for name in states[1][0] if name.startswith(stage) and "weight" in name]
@@ -353,7 +342,6 @@ def test_a_loss_that_is_not_finite_is_an_error_that_leaves_nothing_behind(states
     assert not states
     result = estimator.renewed(SETTINGS.changed(deep)).estimate(second)
     assert steps_of(result) == 3 * [SETTINGS.live.first_iterations]
-    assert not any(name.endswith("step") for name in states[0][0])
     assert np.isfinite(result.flow).all()
 
 

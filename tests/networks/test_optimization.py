@@ -9,7 +9,7 @@ from torch import nn
 
 from mnsf_ros.core.flow_estimate import StopReason
 from mnsf_ros.errors import OptimizationError
-from mnsf_ros.networks.optimization import Schedule, adam, minimize
+from mnsf_ros.networks.optimization import Schedule, minimize
 
 GOAL = torch.tensor([1.0, -2.0, 3.0])
 
@@ -59,22 +59,6 @@ def test_same_as_adam_of_pytorch():
         (weights - GOAL).square().sum().backward()
         adam.step()
     torch.testing.assert_close(weights_of(table), weights.detach())
-
-
-def test_an_optimizer_that_is_handed_over_goes_on():
-    def fitted(*numbers, is_kept=True):
-        table = Table(3)
-        optimizer = adam(list(table.parameters()))
-        for number in numbers:
-            course = Course(table)
-            schedule = Schedule(number, 0.3, keep_best=False)
-            minimize(table, course, schedule, optimizer if is_kept else None)
-        return weights_of(table)
-
-    once = fitted(10)
-    assert torch.equal(fitted(5, 5), once)
-    assert torch.equal(fitted(1, 7, 2), once)
-    assert not torch.equal(fitted(5, 5, is_kept=False), once)
 
 
 def test_gradient_in_another_layout_than_its_weights(device):

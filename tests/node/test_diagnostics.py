@@ -333,6 +333,7 @@ class TestValues:
             "precision": "float32",
             "start": "warm",
             "cold starts, recent": "1",
+            "effort": "full",
             "estimate median [ms]": "3.5",
             "prepare median [ms]": "1.0",
             "forward median [ms]": "2.5",

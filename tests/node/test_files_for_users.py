@@ -27,6 +27,7 @@ OPTIONAL = {
     },
     "publish": {
         "~/objects/autoware",
+        "~/objects/autoware/detected",
         "~/objects/detections",
         "~/objects/nav2",
         "~/transition_event",

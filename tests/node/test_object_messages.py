@@ -124,6 +124,24 @@ def autoware():
         shape=messages.Shape,
     )
     messages.TrackedObjects = message_type("TrackedObjects", header=Header, objects=list)
+    messages.DetectedObjectKinematics = message_type(
+        "DetectedObjectKinematics",
+        pose_with_covariance=PoseWithCovariance,
+        has_position_covariance=bool,
+        orientation_availability=int,
+        twist_with_covariance=TwistWithCovariance,
+        has_twist=bool,
+        has_twist_covariance=bool,
+    )
+    messages.DetectedObjectKinematics.AVAILABLE = 2
+    messages.DetectedObject = message_type(
+        "DetectedObject",
+        existence_probability=float,
+        classification=list,
+        kinematics=messages.DetectedObjectKinematics,
+        shape=messages.Shape,
+    )
+    messages.DetectedObjects = message_type("DetectedObjects", header=Header, objects=list)
     return messages
 
 
@@ -160,27 +178,38 @@ def vision():
 
 
 @pytest.fixture
-def installed_message(monkeypatch):
-    """Function: the message of objects on the topic of a package, which is installed for it."""
+def messages_by_topic(monkeypatch):
+    """Function: the messages of objects by topic of a package, which is installed for it."""
 
     def make(package, messages, objects):
         for name in ("autoware_perception_msgs", "nav2_dynamic_msgs", "vision_msgs"):
             monkeypatch.setitem(sys.modules, f"{name}.msg", None)
         assert list(installed_messages()) == []
         monkeypatch.setitem(sys.modules, f"{package}.msg", messages)
-        ((topic, _, maker),) = installed_messages()
-        return topic, maker(HEADER, objects)
+        return {topic: maker(HEADER, objects) for topic, _, maker in installed_messages()}
 
     return make
 
 
-def test_message_of_autoware(installed_message):
-    objects = [tracked(1), tracked(2, yaw=np.pi)]
-    topic, message = installed_message("autoware_perception_msgs", autoware(), objects)
-    assert topic == "~/objects/autoware"
-    assert message.header == HEADER
-    first, second = message.objects
-    assert first.object_id != second.object_id
+def test_messages_of_autoware(messages_by_topic):
+    objects = [tracked(1), tracked(2, yaw=np.pi), tracked(3, num_points=0)]
+    messages = messages_by_topic("autoware_perception_msgs", autoware(), objects)
+    assert all(message.header == HEADER for message in messages.values())
+    tracks, detections = messages["~/objects/autoware"], messages["~/objects/autoware/detected"]
+    assert len({bytes(item.object_id.uuid) for item in tracks.objects}) == 3
+    assert not any(item.kinematics.is_stationary for item in tracks.objects)
+    assert_in_autoware(*tracks.objects[:2])
+    # Only what is seen at present is detected.
+    assert_in_autoware(*detections.objects)
+    for state in (item.kinematics for item in detections.objects):
+        assert state.has_position_covariance
+        assert state.has_twist
+        assert state.has_twist_covariance
+
+
+def assert_in_autoware(first, second):
+    corners = [(corner.x, corner.y) for corner in first.shape.footprint.points]
+    np.testing.assert_allclose(corners, [(2, 0.9), (-2, 0.9), (-2, -0.9), (2, -0.9)], rtol=1e-6)
     assert first.classification[0].label == 0
     assert first.shape.dimensions == Vector3(x=4.0, y=1.8, z=1.5)
     state = first.kinematics
@@ -201,10 +230,10 @@ def test_message_of_autoware(installed_message):
 
 
 @pytest.mark.parametrize("release", NAV2_RELEASES)
-def test_message_of_nav2(installed_message, release):
+def test_message_of_nav2(messages_by_topic, release):
     objects = [tracked(1), tracked(2, yaw=np.pi / 4)]
-    topic, message = installed_message("nav2_dynamic_msgs", nav2(release), objects)
-    assert topic == "~/objects/nav2"
+    messages = messages_by_topic("nav2_dynamic_msgs", nav2(release), objects)
+    message = messages["~/objects/nav2"]
     assert message.header == HEADER
     first, second = message.obstacles
     assert first.uuid != second.uuid
@@ -222,9 +251,9 @@ def test_message_of_nav2(installed_message, release):
         assert np.reshape(first.velocity_covariance, (3, 3))[1, 1] == 0.2
 
 
-def test_message_of_vision(installed_message):
-    topic, message = installed_message("vision_msgs", vision(), [tracked(1), tracked(2, yaw=np.pi)])
-    assert topic == "~/objects/detections"
+def test_message_of_vision(messages_by_topic):
+    objects = [tracked(1), tracked(2, yaw=np.pi)]
+    message = messages_by_topic("vision_msgs", vision(), objects)["~/objects/detections"]
     assert message.header == HEADER
     first, second = message.detections
     assert (first.id, second.id, first.header) == ("1", "2", HEADER)

@@ -7,7 +7,7 @@ import numpy as np
 from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.online.confidence import moving_confidence
-from mnsf_ros.online.motions import held_m, judge
+from mnsf_ros.online.motions import judge, residual_rise_m
 from mnsf_ros.online.target import Targets
 
 MOTION = np.array([0.6, 0.0, 0.0], np.float32)
@@ -27,8 +27,8 @@ def confidence_of(box, motion=MOTION, *, moved=MOTION, score=6.0):
 
     targets = Targets((seen(1.0), seen(-1.0)), (seen(-3.0),))
     moving = judge(objects, targets, rows(motion))
-    held = held_m(objects, moving, targets)
-    return moving_confidence(moving, np.full(len(objects), score), held)
+    rise_m = residual_rise_m(objects, moving, targets)
+    return moving_confidence(moving, np.full(len(objects), score), rise_m)
 
 
 def test_a_car_with_ends_is_surer_than_a_side_without():

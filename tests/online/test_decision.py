@@ -103,14 +103,14 @@ def test_where_a_sweep_does_not_tell_a_mover_goes_on_as_expected(odds, goes_on):
     motion, current = rows((0, -0.2, 0)), prepared(plate(12))
     targets = Targets([target(prepared(plate(12)), current, step) for step in (1, -1)], [])
     suspects = suspects_of(targets, objects_of(current), motion[0], odds)
-    standing, surprise = suspects.standing, suspects.expected.surprise
-    found = best_of(suspects.points, targets, standing, [motion], surprise)
+    standing, prior_cost = suspects.standing, suspects.expected.prior_cost
+    found = best_of(suspects.points, targets, standing, [motion], prior_cost)
     assert (found.motions == motion).all() == goes_on
     # One that it was shown to stand by does not.
     elsewhere = rows((0, -2.0, 0))
     suspects = suspects_of(targets, objects_of(current), elsewhere[0], odds)
-    surprise = suspects.expected.surprise
-    found = best_of(suspects.points, targets, standing, [elsewhere], surprise)
+    prior_cost = suspects.expected.prior_cost
+    found = best_of(suspects.points, targets, standing, [elsewhere], prior_cost)
     assert not found.motions.any()
 
 

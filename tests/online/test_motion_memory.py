@@ -49,7 +49,7 @@ def object_at(*centers):
 def followed(memory, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     groups = np.arange(len(objects))
-    table = table_of(objects, moving=moved_by(motions), held=1.0, groups=groups)
+    table = table_of(objects, moving=moved_by(motions), residual_rise=1.0, groups=groups)
     seen = Sightings.of(table, current.pose.world_from_sensor, interval_s or 0.1)
     stamp_ns = current.sweep.stamp_ns
     return memory.follow(memory.expected(stamp_ns, interval_s), seen, stamp_ns, interval_s)

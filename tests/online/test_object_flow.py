@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, pose, stamp_ns, triplets_of, unrelated_sweep
 
+from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
@@ -197,6 +198,22 @@ def test_estimate_can_be_abandoned_before_each_step_and_the_next_one_is_fine():
             estimator.estimate(each, lambda answers=answers: next(answers))
     later = triplet(1, 2, 3)
     assert_right(estimator.estimate(later), later.current, 2, 3)
+
+
+def test_with_less_effort_older_sweeps_and_suspects_are_left_out():
+    triplets = list(triplets_of(drive(*range(10))))
+    usual, hasty = ObjectFlowEstimator(SETTINGS), ObjectFlowEstimator(SETTINGS)
+    for number, each in enumerate(triplets):
+        hasty.effort = Effort.LEAST if number == 5 else Effort.FULL
+        wanted, found = usual.estimate(each), hasty.estimate(each)
+        reason = found.reason_of(np.flatnonzero(of_car(each.current)))
+        num_sweeps = len(reason.sweeps)
+        if number < 5:
+            np.testing.assert_array_equal(found.flow, wanted.flow)
+        elif number == 5:
+            assert (found.effort, num_sweeps) == (Effort.LEAST, 2)
+            assert_right(found, each.current, number + 1, number + 2)
+    assert (found.effort, num_sweeps) == (Effort.FULL, 4)
 
 
 class TestManyMovers:

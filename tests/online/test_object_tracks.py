@@ -27,13 +27,17 @@ def objects_at(*centers, size=(2.0, 1.5, 1.5)):
     return ObjectPoints(np.arange(number) + 1, xyz, owners, np.zeros(len(xyz), np.float32))
 
 
-def seen(*centers, velocity=(10.0, 0.0, 0.0), turn_rate=0.0, size=(2.0, 1.5, 1.5), held_m=1.0):
+def seen(
+    *centers, velocity=(10.0, 0.0, 0.0), turn_rate=0.0, size=(2.0, 1.5, 1.5), residual_rise_m=1.0
+):
     """Boxes at these places, all with one velocity and turn rate, or each with its own."""
     number = len(centers)
     motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
     objects = objects_at(*centers, size=size)
     groups = mover_groups(objects, motions, objects.positions, objects.owners)
-    table = table_of(objects, moving=moved_by(motions), scores=3.0, held=held_m, groups=groups)
+    table = table_of(
+        objects, moving=moved_by(motions), scores=3.0, residual_rise=residual_rise_m, groups=groups
+    )
     sightings = Sightings.of(table, np.eye(4), INTERVAL_S)
     return replace(sightings, turn_rates=np.full(number, turn_rate))
 
@@ -114,12 +118,14 @@ class TestState:
         sigma = np.sqrt(follower.tracks[0].covariance[1, 1])
         assert 0.05 < sigma < 0.4
 
-    @pytest.mark.parametrize(("held_m", "expected_m_s"), [(1.0, 11.2), (0.0, 10.0)])
-    def test_a_motion_that_nothing_holds_says_little_of_the_velocity(self, held_m, expected_m_s):
+    @pytest.mark.parametrize(("residual_rise_m", "expected_m_s"), [(1.0, 11.2), (0.0, 10.0)])
+    def test_a_motion_that_nothing_holds_says_little_of_the_velocity(
+        self, residual_rise_m, expected_m_s
+    ):
         follower = Follower()
         for index in range(6):
             follower.see((index, 0, 0))
-        follower.see((6, 0, 0), velocity=(12, 0, 0), held_m=held_m)
+        follower.see((6, 0, 0), velocity=(12, 0, 0), residual_rise_m=residual_rise_m)
         assert follower.tracks[0].velocity[0] == pytest.approx(expected_m_s, abs=0.1)
 
     def test_braking_is_followed_without_visible_lag(self):

@@ -13,7 +13,7 @@ from PIL import Image
 
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.view.page_server import PageServer
-from mnsf_ros.view.scene_message import Scene, Trails, scene_message
+from mnsf_ros.view.scene_message import DrawnSweep, Trails, scene_message
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
@@ -44,7 +44,7 @@ def show_objects(server: PageServer, centers: np.ndarray) -> None:
         for number, at in enumerate(centers, start=1)
     ]
     no_points = np.empty((0, 3), np.float32)
-    scene = Scene(10**9, no_points, np.empty(0, np.uint32), np.eye(4), objects)
+    scene = DrawnSweep(10**9, no_points, np.empty(0, np.uint32), np.eye(4), objects)
     server.publish("scene", scene_message(scene, Trails([], {})))
 
 

@@ -1,0 +1,54 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""`mnsf estimate`: a recording in, a recording with its flow out."""
+
+import argparse
+from pathlib import Path
+
+from mnsf_ros.cli.arguments import FORCE, Arguments, chosen_settings
+from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.evaluation.estimated_recording import write_estimated
+from mnsf_ros.recording.bag_files import check_target
+from mnsf_ros.recording.bag_reader import open_recording
+from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.stream.stream import Stream
+
+
+def add_estimate(arguments: Arguments) -> str:
+    """Declares the arguments of `mnsf estimate`."""
+    arguments.recordings("bag", "recording")
+    arguments.value(
+        "--out OUT", "recording to write: a folder, or a file *.mcap", Path, required=True
+    )
+    arguments.value("--method NAME", "see docs/evaluation.md", default="online")
+    arguments.settings(default="online")
+    arguments.points()
+    arguments.flag("--force", FORCE)
+    return """\
+OUT has the topics of the node: /scene_flow/flow (all points, with colours),
+/scene_flow/flow/moving, /scene_flow/objects and /scene_flow/ego_motion.
+Foxglove opens it, beside the recording where its other topics are wanted.
+
+Example:
+  mnsf estimate street --out street_flow.mcap
+"""
+
+
+def run_estimate(options: argparse.Namespace) -> None:
+    """Writes the recording."""
+    check_target(options.out, overwrite=options.force)
+    console = Console(stderr=True)
+    with open_recording(options.bag, console.warn) as reader:
+        topic = used_topics(options.bag, reader.topics, options.points).points
+        stream = Stream(chosen_settings(options), options.method)
+        with counting_progress(console) as progress:
+            task = progress.add_task(f"estimating {topic}", total=reader.topics[topic].count)
+            number = write_estimated(
+                reader,
+                topic,
+                options.out,
+                stream,
+                console.warn,
+                lambda done: progress.update(task, completed=done),
+                overwrite=options.force,
+            )
+    Console().say(f"{options.out}: {number} sweeps with flow")

@@ -1,0 +1,85 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The flow of a recording, as a recording with the topics of the node."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.settings import OutputSettings
+from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
+from mnsf_ros.sweeps_io.flow_columns import object_columns
+from msg_utils.point_cloud2 import encode_columns
+
+_NODE: Final = "/scene_flow"
+
+
+def write_estimated(
+    reader: BagReader,
+    topic: str,
+    target: Path,
+    stream: Stream,
+    warn: Callable[[str], None],
+    done: Callable[[int], None] = lambda _: None,
+    *,
+    overwrite: bool = False,
+) -> int:
+    """Estimates the sweeps of a topic and writes what the node would publish. Returns how many.
+
+    Sweeps without flow are left out and damage is read around; `warn` gets a line for each.
+
+    Args:
+        reader: The recording.
+        topic: Of its clouds.
+        target: The recording to write.
+        stream: Estimates them.
+        warn: Gets a line.
+        done: Gets the number of sweeps read so far.
+        overwrite: Whether to replace a recording at the target.
+
+    Raises:
+        RecordingError: No sweep has a flow, or the target cannot be written.
+    """
+    findings, num_estimated = Findings(), 0
+    clouds = recorded_clouds(reader, topic, stream.settings.time, findings)
+    with BagWriter(target, overwrite=overwrite) as writer:
+        for number, sweep in enumerate(clouds, start=1):
+            done(number)
+            if sweep is None or len(sweep) == 0:
+                continue
+            try:
+                estimate = stream.push(sweep)
+            except MnsfError as error:
+                warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
+                continue
+            if estimate is not None and stream.triplet is not None:
+                _write(writer, stream.triplet, estimate, stream.settings.node.odom_frame)
+                num_estimated += 1
+    for damage in findings.damages:
+        warn(str(damage))
+    return num_estimated
+
+
+def _write(
+    writer: BagWriter, triplet: SweepTriplet, estimate: FlowEstimate, odom_frame: str
+) -> None:
+    sweep, known = triplet.current, estimate.over_ground
+    stamp_ns, frame_id = sweep.stamp_ns, sweep.frame_id
+    parts = {"flow": None} if known is None else {"flow": None, "flow/moving": known.dynamic}
+    for name, part in parts.items():
+        cloud = flow_cloud(sweep, estimate, triplet.interval_s, OutputSettings(), part)
+        writer.write_raw(f"{_NODE}/{name}", CLOUD_TYPE, stamp_ns, cloud)
+    if known is None:
+        return
+    pose = known.world_from_sensor
+    writer.write_odometry(f"{_NODE}/ego_motion", pose, stamp_ns, odom_frame, frame_id)
+    if known.track_ids is not None:
+        objects = encode_columns(object_columns(known.objects), 1, len(known.objects))
+        writer.write_cloud(f"{_NODE}/objects", objects, stamp_ns, frame_id)

@@ -1,0 +1,60 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""A recording in, a recording with its flow out."""
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli.main import run
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
+from msg_utils.point_cloud2 import decode_points, encode_columns
+
+NODE = "/scene_flow"
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    path = tmp_path_factory.mktemp("street") / "street"
+    assert run(["simulate", str(path), "--num-beams", "16", "--duration-s", "0.8"]) == 0
+    return path
+
+
+def test_holds_what_the_node_would_publish(street, tmp_path):
+    out = tmp_path / "flow.mcap"
+    assert run(["estimate", str(street), "--out", str(out)]) == 0
+    stream, settings = Stream(Settings()), Settings().time
+    with BagReader(street) as reader:
+        sweeps = [sweep_from_message(one, settings, 0) for one in reader.messages("/points")]
+    wanted = {}
+    for sweep in sweeps:
+        if (estimate := stream.push(sweep)) is not None:
+            wanted[stream.triplet.current.stamp_ns] = estimate
+    with BagReader(out) as reader:
+        assert {name: topic.count for name, topic in reader.topics.items()} == {
+            f"{NODE}/{name}": len(sweeps) - 2
+            for name in ("flow", "flow/moving", "objects", "ego_motion")
+        }
+        for (stamp_ns, _), cloud in zip(
+            reader.raw_messages(f"{NODE}/flow"), reader.messages(f"{NODE}/flow"), strict=True
+        ):
+            columns = decode_points(cloud).ravel()
+            flow = np.stack([columns[f"flow_{axis}"] for axis in "xyz"], axis=1)
+            np.testing.assert_array_equal(flow, wanted[stamp_ns].flow)
+        for cloud, estimate in zip(
+            reader.messages(f"{NODE}/objects"), wanted.values(), strict=True
+        ):
+            assert cloud.width == len(estimate.over_ground.objects)
+        poses = [one.pose.pose.position.x for one in reader.messages(f"{NODE}/ego_motion")]
+        assert poses == [one.over_ground.world_from_sensor[0, 3] for one in wanted.values()]
+
+
+def test_without_any_flow_there_is_no_recording(street, tmp_path, capsys):
+    out = tmp_path / "flow"
+    with BagWriter(tmp_path / "one") as writer:
+        writer.write_cloud("/points", encode_columns({"x": np.zeros(1)}, 1, 1), 1, "lidar")
+    assert run(["estimate", str(tmp_path / "one"), "--out", str(out)]) == 2
+    assert "nothing was written" in capsys.readouterr().err
+    assert not out.exists()
