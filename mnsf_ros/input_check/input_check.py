@@ -2,7 +2,6 @@
 """All assumptions about the input, measured on a stream of sweeps."""
 
 import threading
-from collections import deque
 from collections.abc import Iterator
 from typing import Final, Protocol
 
@@ -47,7 +46,7 @@ class Assumption(Protocol):
 class InputCheck:
     """Measures what the method assumes about its input. Any thread may call it.
 
-    It keeps a dozen sweeps and some hundred numbers.
+    It keeps one sweep, some points of a dozen, and some hundred numbers.
 
     Attributes:
         num_sweeps: Sweeps that were added.
@@ -68,7 +67,7 @@ class InputCheck:
             OwnBody(mounting, settings.crop.min_range_m),
         )
         self._all: tuple[Assumption, ...] = (*self._assumptions, self._odometry)
-        self._waiting: deque[SweepSample] = deque(maxlen=_MAX_WAITING)
+        self._waiting: dict[int, NDArray[np.float64]] = {}
         self._last: Located | None = None
 
     def add(self, sweep: Sweep) -> None:
@@ -76,7 +75,9 @@ class InputCheck:
         with self._lock:
             self.num_sweeps += 1
             sample = SweepSample.of(sweep)
-            self._waiting.append(sample)
+            self._waiting[sweep.stamp_ns] = sample.xyz
+            for stamp_ns in list(self._waiting)[:-_MAX_WAITING]:
+                del self._waiting[stamp_ns]
             for assumption in self._all:
                 assumption.add(sample)
 
@@ -86,10 +87,9 @@ class InputCheck:
         The sweep may have been copied since, to add its `odometry`.
         """
         with self._lock:
-            stamps = (sample for sample in self._waiting if sample.sweep.stamp_ns == sweep.stamp_ns)
-            if (sample := next(stamps, None)) is None:
+            if (xyz := self._waiting.get(sweep.stamp_ns)) is None:
                 return
-            own = Located(sample, sweep, world_from_sensor, source)
+            own = Located(sweep, xyz, world_from_sensor, source)
             last, self._last = self._last, own
             if last is not None and (step := Step(last, own)).is_possible:
                 for assumption in self._all:

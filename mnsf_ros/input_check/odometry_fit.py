@@ -27,7 +27,7 @@ _MIN_STEPS: Final = 3
 _EVERY: Final = 50
 # Residuals are compared in one step of so many, with a part of the points.
 _COMPARED: Final = 4
-_STRIDE: Final = 4
+_MAX_POINTS: Final = 40_000
 _LONGER: Final = 1.3  # residual under odometry over that under registration
 
 
@@ -62,7 +62,7 @@ class OdometryFit:
         self._since_compared += 1
         if difference_m > _MIN_DIFFERENCE_M and self._since_compared >= _COMPARED:
             self._since_compared = 0
-            clouds = before.xyz[::_STRIDE], step.after.sample.xyz
+            clouds = before.xyz[:: 1 + len(before) // _MAX_POINTS], step.after.xyz
             residuals_m = _residual_m(*clouds, motion), _residual_m(*clouds, registered)
         self._steps.append((difference_m, *residuals_m))
 

@@ -49,8 +49,8 @@ class SweepSample:
         xyz = sweep.xyz[rows].astype(np.float64)
         ranges = np.linalg.norm(xyz, axis=1)
         measured = ranges > 0
-        share = 1 - np.count_nonzero(measured) / max(len(rows), 1)
-        return cls(sweep, rows[measured], xyz[measured], ranges[measured], float(share))
+        share = float(np.mean(~measured)) if len(rows) else 0.0
+        return cls(sweep, rows[measured], xyz[measured], ranges[measured], share)
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource
@@ -96,14 +96,14 @@ class Located:
     """A sweep and where it was taken.
 
     Attributes:
-        sample: Some points of it.
         sweep: All of it, with `odometry` if known.
+        xyz: (K, 3) float64, metres, some of its points.
         world_from_sensor: (4, 4) float64, at its stamp.
         source: The EgoSource of the pose.
     """
 
-    sample: SweepSample
     sweep: Sweep
+    xyz: NDArray[np.float64]
     world_from_sensor: NDArray[np.float64]
     source: str
 
