@@ -24,6 +24,9 @@ _SHARE: Final = 0.8  # of the looks
 _MIN_POINTS: Final = 20
 # Of all points; the rails on the roof of KITTI's car, .02 %, do no harm.
 _SMALL_SHARE: Final = 0.001
+# A wall or a rail along the way moves along as well, until the sensor turns, and ends farther out.
+_MARGIN_M: Final = 0.2
+_TURN_RAD: Final = 0.5
 # Ground moves along with the sensor as well.
 _MIN_HEIGHT_M: Final = 0.3
 
@@ -38,6 +41,8 @@ class OwnBody:
         self._num_full: NDArray[np.int64] = np.zeros(_NUM_CELLS**3, np.int64)
         self._num_points: NDArray[np.int64] = np.zeros(_NUM_CELLS**3, np.int64)
         self._way_m, self._num_steps, self._size = np.inf, _MIN_STEPS, 1
+        self._first_turn: NDArray[np.float64] | None = None
+        self._turned_rad = 0.0
 
     def add(self, sample: SweepSample) -> None:
         """The body is seen by motion."""
@@ -55,6 +60,10 @@ class OwnBody:
         self._num_points += counts
         self._num_full += counts > 0
         self._num_looks += 1
+        turn = step.after.world_from_sensor[:3, :3]
+        self._first_turn = turn if self._first_turn is None else self._first_turn
+        cosine = (np.trace(self._first_turn.T @ turn) - 1) / 2
+        self._turned_rad = max(self._turned_rad, float(np.arccos(np.clip(cosine, -1, 1))))
 
     def facts(self) -> dict[str, str]:
         """Its points, in words."""
@@ -69,9 +78,11 @@ class OwnBody:
             return
         number, reach_m = self._found()
         if number >= _MIN_POINTS:
+            may_be_wall = reach_m > _REACH_M - _MARGIN_M and self._turned_rad < _TURN_RAD
             is_small = number < _SMALL_SHARE * self._size
-            severity = Severity.INFO if is_small else Severity.WARNING
-            found = f"own body: {number} points within {reach_m:.1f} m move along with the sensor"
+            severity = Severity.INFO if may_be_wall or is_small else Severity.WARNING
+            body = "own body, or a wall alongside" if may_be_wall else "own body"
+            found = f"{body}: {number} points within {reach_m:.1f} m move along with the sensor"
             remedy = f"Leave them out: crop.min_range_m={reach_m + 0.1:.1f}"
             yield Finding(_ASSUMPTION, severity, found, remedy)
 

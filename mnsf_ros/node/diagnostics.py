@@ -111,7 +111,7 @@ class Diagnostics:
         state: InputState,
         load: int,
         settings: Settings,
-        findings: Sequence[Finding] = (),
+        findings: Sequence[Finding] | None = None,
     ) -> list[DiagnosticStatus]:
         """The statuses as of now.
 
@@ -120,7 +120,7 @@ class Diagnostics:
             state: State of the subscriptions.
             load: Number of triplets in the pipeline.
             settings: Those of the node.
-            findings: What does not fit in the input, the worst first.
+            findings: What does not fit in the input, the worst first; None before enough sweeps.
         """
         self._look(snapshot, settings.node)
         if state.pause:
@@ -258,7 +258,9 @@ class Diagnostics:
         }
         return self._status("ego motion", level, message, values)
 
-    def _input_check_status(self, findings: Sequence[Finding]) -> DiagnosticStatus:
+    def _input_check_status(self, findings: Sequence[Finding] | None) -> DiagnosticStatus:
+        if findings is None:
+            return self._status("input check", _OK, "waiting for more sweeps", {})
         wrong = [finding for finding in findings if finding.is_wrong]
         for finding in wrong:
             self._faults.warn(finding.assumption, str(finding))

@@ -180,7 +180,7 @@ class SceneFlowParts:
             self._input.state,
             self._pipeline.load,
             self._settings,
-            self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else (),
+            self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else None,
         )
         self._diagnostics_publisher.publish(message)
 

@@ -74,7 +74,7 @@ class Story:
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(self, load=0, wanted="registration", pause="", findings=(), **changes):
+    def statuses(self, load=0, wanted="registration", pause="", findings=None, **changes):
         changes |= {"node.stale_after_s": PATIENCE_S, "ego_motion.source": wanted}
         state = InputState("/points", "reliable", 1, pause=pause)
         settings = Settings().changed(changes)
@@ -284,6 +284,7 @@ def test_findings_are_said_by_the_worst_of_them(story):
     note = Finding("each point has its time", Severity.INFO, "points have no times", "Name them")
     body = Finding("no own body", Severity.WARNING, "130 points within 2.1 m", "Leave them out")
     turned = Finding("z is up", Severity.ERROR, "z points down", "Turn the frame")
+    assert story.statuses()[3].message == "waiting for more sweeps"
     assert says() == (OK, "nothing wrong was found")
     assert says(note) == (OK, "nothing wrong was found")
     assert says(body, note) == (WARN, "130 points within 2.1 m. Leave them out")
