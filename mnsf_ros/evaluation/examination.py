@@ -3,6 +3,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.errors import plain_text
@@ -15,6 +16,8 @@ from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+
+TF_TOPIC: Final = "/tf"
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,26 @@ def examined(
     with BagReader(recording.path) as reader:
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
         poses = _poses(reader, recording, settings, findings)
+        about = _about(reader, recording)
         _register(_first(sweeps, max_duration_s), poses, settings, check)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [plain_text(damage) for damage in (*recording.damages, *findings.damages)]
-    return Examination(check.facts(), check.findings(), [*damages, *events])
+    return Examination(about | check.facts(), check.findings(), [*damages, *events])
+
+
+def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
+    """The recording, and its poses, in words."""
+    first_ns, last_ns = reader.span_ns
+    length_s = (last_ns - first_ns) / NANOSECONDS
+    checksums = "with" if reader.has_checksums else "without"
+    poses = recording.odometry or "none named or found (--odometry)"
+    if TF_TOPIC in reader.topics and recording.odometry is None:
+        poses += f"; {TF_TOPIC} is recorded"
+    return {
+        "recording": f"{length_s:.1f} s, {checksums} checksums",
+        "topic": f"{recording.points}, {recording.num_sweeps:,} clouds",
+        "poses": poses,
+    }
 
 
 def _poses(

@@ -3,7 +3,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ class Mounting:
     def __init__(self) -> None:
         self._planes: deque[NDArray[np.float64]] = deque(maxlen=30)
         self._blurs_deg: deque[float] = deque(maxlen=30)
-        self._num = 0
+        self._num, self._num_beams = 0, 0
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
@@ -49,10 +49,14 @@ class Mounting:
         plane = _ground(sample.xyz[sample.ranges < _REACH_M])
         if plane is not None:
             self._planes.append(plane)
+        if (rings := sample.rings) is None or len(rings) == 0:
+            return
+        if not self._num_beams:
+            self._num_beams = len(np.unique(rings))
         # Lidars that do not turn have beams that are no cones.
-        if sample.rings is not None and np.mean(sample.sectors) > _MIN_AROUND:
+        if np.mean(sample.sectors) > _MIN_AROUND:
             directions = sample.xyz / sample.ranges[:, None]
-            self._blurs_deg.append(_blur_deg(sample.rings, directions))
+            self._blurs_deg.append(_blur_deg(rings[sample.rows], directions))
 
     def move(self, step: Step) -> None:
         """The mounting is seen without motion."""
@@ -63,12 +67,13 @@ class Mounting:
         return np.median(self._planes, axis=0) if self._planes else None
 
     def facts(self) -> dict[str, str]:
-        """Height and tilt, in words."""
+        """Beams, height and tilt, in words."""
+        beams = {"beams": f"{self._num_beams}"} if self._num_beams else {}
         if (ground := self.ground) is None:
-            return {"mounting": "unknown: no ground is seen"}
+            return beams | {"mounting": "unknown: no ground is seen"}
         side = "above" if ground[3] > 0 else "below"
         text = f"origin {abs(ground[3]):.2f} m {side} the ground"
-        return {"mounting": f"{text}, z {_tilt_deg(ground):.0f} degrees off its normal"}
+        return beams | {"mounting": f"{text}, z {_tilt_deg(ground):.0f} degrees off its normal"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
@@ -129,7 +134,7 @@ def _ground(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.append(normal, -normal @ middle)
 
 
-def _blur_deg(rings: NDArray[np.int64], directions: NDArray[np.float64]) -> float:
+def _blur_deg(rings: NDArray[np.integer[Any]], directions: NDArray[np.float64]) -> float:
     """Mean deviation of directions (K, 3) from the cones of their beams, degrees.
 
     The common axis of the cones is the direction in which the beams vary least.

@@ -80,15 +80,15 @@ class SweepSample:
         return None if times_s is None else times_s[self.rows].astype(np.float64)
 
     @cached_property
-    def rings(self) -> NDArray[np.int64] | None:
-        """(K,) number of the beam; None if the cloud does not have it."""
+    def rings(self) -> NDArray[np.integer[Any]] | None:
+        """(N,) number of the beam of each point of the sweep; None if unknown."""
         if self.cloud is None:
             return None
         points = decode_points(self.cloud.message).reshape(-1)
         names = [name for name in ("ring", "channel") if name in (points.dtype.names or ())]
-        if not names or points[names[0]].ndim > 1:
+        if not names or points.dtype[names[0]].kind not in "iu":
             return None
-        return points[names[0]][np.flatnonzero(self.cloud.finite)[self.rows]].astype(np.int64)
+        return np.compress(self.cloud.finite, points[names[0]])
 
 
 @dataclass(frozen=True, eq=False)
