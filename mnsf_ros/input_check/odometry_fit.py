@@ -28,6 +28,7 @@ _EVERY: Final = 50
 # Residuals are compared in one step of so many, with a part of the points.
 _COMPARED: Final = 4
 _MAX_POINTS: Final = 40_000
+_NEAR_M: Final = 60.0
 _LONGER: Final = 1.3  # residual under odometry over that under registration
 
 
@@ -107,7 +108,10 @@ def _residual_m(
     target: NDArray[np.float32], xyz: NDArray[np.float64], motion: NDArray[np.float64]
 ) -> float:
     """Mean distance of moved points (N, 3) from the points (T, 3) of a sweep, metres."""
-    moved = apply(motion, xyz).astype(np.float32)
+    near = xyz[np.abs(xyz).max(axis=1, initial=0.0) < _NEAR_M]
+    moved = apply(motion, near).astype(np.float32)
     nearest = PointGrid(target).nearest(moved)
-    distances_m = np.linalg.norm(moved - target[nearest], axis=1)
-    return float(np.mean(np.where(nearest < 0, REACH_M, distances_m)))
+    distances_m = np.full(len(moved), REACH_M)
+    found = nearest >= 0
+    distances_m[found] = np.linalg.norm(moved[found] - target[nearest[found]], axis=1)
+    return float(distances_m.mean()) if len(moved) else 0.0

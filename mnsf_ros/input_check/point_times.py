@@ -99,7 +99,7 @@ class TimesOfPoints:
 
     def _without(self) -> Iterator[Finding]:
         speed_m_s = float(np.median(self._speeds_m_s)) if self._speeds_m_s else 0.0
-        if speed_m_s > _SLOW_M_S:
+        if speed_m_s > _SLOW_M_S and self._intervals_s:
             shift_m = speed_m_s * float(np.median(self._intervals_s))
             found = (
                 f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
@@ -150,7 +150,7 @@ def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:
     phases = [np.exp(1j * (angles + sign * sample.azimuths)) for sign in (-1, 1)]
     phase = max(phases, key=lambda one: abs(one.mean()))
     mean = phase.mean()
-    is_turning = abs(mean) > _TURNING
+    is_turning = span_s > 0 and abs(mean) > _TURNING
     elsewhere = np.mean((phase * np.conj(mean)).real < 0) if is_turning else 0.0
     duration_s = turn_s if is_turning else span_s
     reach_s, num_distinct = float(np.ptp(times_s)), len(np.unique(times_s))

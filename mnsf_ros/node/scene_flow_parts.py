@@ -132,13 +132,13 @@ class SceneFlowParts:
         self._faults.warn(event, text)
 
     def _on_sweep(self, sweep: Sweep, arrived_ns: int) -> None:
-        self._input_check.add(sweep)
         is_wanted = self._settings.node.always_estimate or self._frame is not None
         is_wanted = is_wanted or self._outputs.are_watched or self._explanations.are_watched
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_wanted)
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+        self._input_check.add(sweep)
 
     def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
         self.reset()

@@ -13,6 +13,7 @@ from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.settings import Settings, TimeSettings
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
+from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.point_cloud2 import encode_columns
 
@@ -199,3 +200,19 @@ def test_few_sweeps_and_few_points_are_enough(number):
     assert not wrong(clouds)
     assert check.facts()["frame"] == "lidar"
     assert not InputCheck(Settings()).findings()
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-30, 3e37])
+def test_points_and_times_of_any_size_are_taken(factor):
+    rng = np.random.default_rng(0)
+    check = InputCheck(Settings())
+    for number in range(30):
+        xyz = np.float32(factor) * rng.normal(0, 1, (100, 3)).astype(np.float32)
+        times_s = np.float32(number % 2) * rng.uniform(-2, 2, 100).astype(np.float32)
+        sweep = Sweep(xyz, 10**8 * (number % 20), times_s=times_s, odometry=np.eye(4))
+        pose = np.diag((1.0, 1.0, 1.0, 1.0))
+        pose[0, 3] = number**2
+        check.add(sweep)
+        check.locate(sweep, pose, "registration")
+        check.facts()
+    assert all(finding.remedy for finding in check.findings())
