@@ -103,17 +103,22 @@ class World:
     sweeps: list[TrueSweep]
 
 
-def random_world(seed: int, num_sweeps: int, scenario: str = "random") -> World:
+def random_world(
+    seed: int, num_sweeps: int, scenario: str = "random", conditions: str = "drawn"
+) -> World:
     """Returns a random world; fewer sweeps are the first ones of more.
 
-    `scenario` is `random`, or `standing`, where nothing moves.
+    `scenario` is any but `street`, `conditions` those of an adverse world.
     """
-    simulator = SweepSimulator(SimulationSettings(seed=seed, scenario=scenario))
+    settings = SimulationSettings(seed=seed, scenario=scenario, conditions=conditions)
+    simulator = SweepSimulator(settings)
     sweeps = [_simulated(simulator, index) for index in range(num_sweeps)]
     return World(seed, simulator.scene.sensor.kind, simulator.scene.text, sweeps)
 
 
-def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> World:
+def kept_world(
+    seed: int, duration_s: float, scenario: str, folder: Path, conditions: str = "drawn"
+) -> World:
     """Returns a random world from a folder, where it is kept; another simulator makes it anew.
 
     Raises:
@@ -122,12 +127,13 @@ def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> Wor
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.stat().st_uid != os.getuid():
         raise PermissionError(f"{folder}: belongs to another user, name one of your own")
-    path = folder / f"{_SIMULATOR}_{scenario}_{seed}_{duration_s:g}s.pickle"
+    path = folder / f"{_SIMULATOR}_{scenario}_{conditions}_{seed}_{duration_s:g}s.pickle"
     if path.exists():
         kept: World = pickle.loads(path.read_bytes())  # noqa: S301 - written by this program
         return kept
-    settings = SimulationSettings(seed=seed, scenario=scenario, duration_s=duration_s)
-    world = random_world(seed, SweepSimulator(settings).num_sweeps, scenario)
+    drawn = {"seed": seed, "scenario": scenario, "conditions": conditions}
+    num_sweeps = SweepSimulator(SimulationSettings(duration_s=duration_s, **drawn)).num_sweeps
+    world = random_world(seed, num_sweeps, scenario, conditions)
     unfinished = path.with_suffix(f".{os.getpid()}")
     unfinished.write_bytes(pickle.dumps(world))
     unfinished.rename(path)

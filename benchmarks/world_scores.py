@@ -58,6 +58,7 @@ class Scored:
         confidence: (M,) of them.
         errors_m: (M,) end point errors of their flow.
         ego_error_m: Error of the translation of the ego motion.
+        own_body_moves: 1 if the own body is called a mover, 0 if not; NaN if it is out of view.
         cpu_ms: CPU time of the estimate.
     """
 
@@ -68,6 +69,7 @@ class Scored:
     confidence: NDArray[np.float32]
     errors_m: NDArray[np.float64]
     ego_error_m: float
+    own_body_moves: float
     cpu_ms: float = math.nan
 
     @property
@@ -135,7 +137,11 @@ def _scored(
     called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
     ego_error_m = float(np.linalg.norm(off[:3, 3]))
     errors_m = end_point_errors(estimate.flow[rows], flow[rows])
-    return Scored(row, truth, has_stopped, called, confidence, errors_m, ego_error_m)
+    own_body = over_ground.dynamic[current.truth.class_id == SurfaceClass.OWN_BODY]
+    own_body_moves = float(own_body.sum() >= _MIN_FALSE_POINTS) if len(own_body) else math.nan
+    return Scored(
+        row, truth, has_stopped, called, confidence, errors_m, ego_error_m, own_body_moves
+    )
 
 
 def _example(
@@ -210,6 +216,7 @@ def world_score(world: World, scenario: str = "random", method: str = "online") 
         "pedestrians": summary.get("movers.pedestrians, to 30 m.found", math.nan),
         "velocity": summary["movers.velocity_error_m_s"],
         "ego motion": float(np.mean([one.ego_error_m for one in run])),
+        "own body moves": float(np.mean([one.own_body_moves for one in run])),
         "stops": len(held),
         "held": sum(held),
         "released": sum(released),

@@ -136,7 +136,7 @@ class Verdict(Enum):
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"
-    LEFT_OUT = "left out: other suspects are nearer"
+    LEFT_OUT = "left out: beyond objects.max_suspects (tracked movers first, then the nearest)"
     NO_BETTER_MOTION = "no motion explains it better"
     REFUSED = "refused by the gate"
     PARTLY = "a part of it moves alone"

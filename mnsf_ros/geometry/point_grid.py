@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Points that are farther apart than this belong to different things; no search goes farther.
+# No search goes farther: a residual is at most this, and parts of one mover are no farther apart.
 REACH_M: Final = 0.5
 # The nearest point is in a cell that touches that of the place. Most often it is the same one if
 # cells are a little larger than the reach.

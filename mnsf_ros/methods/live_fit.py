@@ -33,7 +33,7 @@ _FORWARD_DONE, _FIELDS_DONE = 0.4, 0.8
 
 @dataclass(frozen=True, eq=False)
 class _Pull:
-    """Another sweep that pulls P points toward its surfaces.
+    """Another sweep that pulls P points toward its surfaces, with a Huber loss of D(p, S).
 
     Attributes:
         distance: D(p, S).
@@ -52,12 +52,12 @@ class _Pull:
     def of(
         self, points: torch.Tensor, flow: torch.Tensor, widths: torch.Tensor, chosen: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Mean robust distance of some of the points, moved by a flow, and its gradient.
+        """Mean Huber loss of some of the points, moved by a flow, and its gradient.
 
         Args:
             points: (B, 3) metres, axes of the world.
             flow: (B, 3) metres, likewise, without gradient.
-            widths: (B,) metres, below which the pull fades.
+            widths: (B,) metres, from where on the loss is linear.
             chosen: (B,) rows of these points in `steps`.
 
         Returns:
@@ -110,10 +110,10 @@ class LiveFit:
         self._device = compute_device(settings.compute)
         self._axes = scene.current.pose.world_from_sensor[:3, :3]
         self._points = self._tensor(objects.positions @ self._axes.T)
-        self._rows = networks.encoded(self._points)
+        self._inputs = networks.encoded(self._points)
         # The mean flow of an object is computed at a few of its points.
         self._few = objects.thinner()
-        self._few_rows = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
+        self._few_inputs = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
         self._widths = self._tensor(objects.spacing + _FADING_M)
         self._next, *before = scene.targets.near
         self._previous: Target | None = before[0] if before else None
@@ -146,7 +146,7 @@ class LiveFit:
     def _motions(self) -> NDArray[np.float32]:
         """(K, 3) metres, sensor axes, mean flow of each object by the current networks."""
         has_backward = self._previous is not None and "backward" in self._networks.fitted
-        flow = self._networks.flow(self._few_rows, has_backward=has_backward)
+        flow = self._networks.flow(self._few_inputs, has_backward=has_backward)
         in_interval = self._intervals * flow.cpu().numpy() @ self._axes
         sums = self._few.sums(in_interval.astype(np.float32))
         return np.asarray(sums / self._few.counts[:, None], np.float32)
@@ -159,7 +159,10 @@ class LiveFit:
         return _Pulls(*([self._pull(target, unit) for target in some] for some in (near, older)))
 
     def _pull(self, target: Target, unit: float) -> _Pull:
-        """The pull on a flow that takes `unit` times the usual interval to the next sweep."""
+        """The pull on a flow.
+
+        `unit` is the time to the next sweep in usual intervals, negative for the backward flow.
+        """
         steps = target.steps_of(self._objects, self._expected) * unit
         of_points = np.broadcast_to(steps, (len(self._objects), 1))[self._objects.owners]
         return _Pull(
@@ -177,22 +180,22 @@ class LiveFit:
 
         def loss_of() -> torch.Tensor:
             chosen = self._chosen()
-            flow = flow_of(self._rows[chosen])
+            flow = flow_of(self._inputs[chosen])
             points, widths = self._points[chosen], self._widths[chosen]
             # By hand: autograd would take longer for the many small operations of a pull.
             results = [pull.of(points, flow.detach(), widths, chosen) for pull in pulls.of_a_step()]
             losses, gradients = zip(*results, strict=True)
             loss, gradient = torch.stack(losses).sum(), torch.stack(gradients).sum(dim=0)
-            # As large as the loss, with its gradient.
+            # A stand-in with the value and the gradient of the loss.
             return loss + (gradient * (flow - flow.detach())).sum()
 
         self.fits[stage] = self._networks.fit(
             stage, loss_of, self._schedule(stage, share_of_budget)
         )
 
-    def _fused(self, rows: torch.Tensor) -> torch.Tensor:
+    def _fused(self, inputs: torch.Tensor) -> torch.Tensor:
         """The fused flow at encoded positions; f and f' are fixed."""
-        flows = self._networks.flows(rows)
+        flows = self._networks.flows(inputs)
         fused: torch.Tensor = self._networks.networks["fusion"](flows)
         return fused
 

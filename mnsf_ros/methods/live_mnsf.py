@@ -55,7 +55,6 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         self._distances: MutableMapping[ObjectSweep, TargetDistance] = WeakKeyDictionary()
         self._fits: dict[str, OptimizationResult] = {}
         self._kinds: set[str] = set()
-        self._cancelled: Callable[[], bool] = never
 
     def estimate(
         self,
@@ -72,12 +71,12 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         """
         if not self.settings.warm_start.enabled:
             self._networks = None
-        self._cancelled, self._fits, self._kinds = cancelled, {}, set()
+        self._fits, self._kinds = {}, set()
         are_fresh = self._networks is None or not self._networks.fitted
         with one_thread():
             estimate = super().estimate(triplet, cancelled, prepared)
         # Tracks may be warm while networks are fresh: after a failed fit.
-        is_cold = estimate.start is Start.WARM and are_fresh and self._fits
+        is_cold = estimate.start is Start.WARM and are_fresh and bool(self._fits)
         return replace(
             estimate,
             start=Start.COLD_NETWORKS if is_cold else estimate.start,
@@ -108,7 +107,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             scene,
             self._distance_to,
             self.settings,
-            self._cancelled,
+            clock.cancelled,
         )
         try:
             motions = fit.run(clock)

@@ -69,13 +69,13 @@ class WarmNetworks:
         self.fitted.add(stage)
         return result
 
-    def flows(self, rows: torch.Tensor) -> torch.Tensor:
+    def flows(self, inputs: torch.Tensor) -> torch.Tensor:
         """Both flows, f and f' = -b, side by side: (M, C) encoded positions to (M, 6) metres."""
-        forward, backward = (evaluate(self.networks[stage], rows) for stage in STAGES[:2])
+        forward, backward = (evaluate(self.networks[stage], inputs) for stage in STAGES[:2])
         return torch.cat([forward, invert_motion(backward)], dim=1)
 
-    def flow(self, rows: torch.Tensor, *, has_backward: bool) -> torch.Tensor:
+    def flow(self, inputs: torch.Tensor, *, has_backward: bool) -> torch.Tensor:
         """The flow to t+1, (M, 3) metres: fused, or the forward one if it is the only one."""
         if not has_backward:
-            return evaluate(self.networks["forward"], rows)
-        return evaluate(self.networks["fusion"], self.flows(rows))
+            return evaluate(self.networks["forward"], inputs)
+        return evaluate(self.networks["fusion"], self.flows(inputs))

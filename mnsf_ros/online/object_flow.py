@@ -187,7 +187,7 @@ class ObjectFlowEstimator:
 
 
 def _max_suspects(settings: ObjectSettings, effort: Effort) -> int:
-    return settings.max_suspects // {Effort.HALF: 2, Effort.LEAST: 4}.get(effort, 1)
+    return max(1, settings.max_suspects // {Effort.HALF: 2, Effort.LEAST: 4}.get(effort, 1))
 
 
 def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:

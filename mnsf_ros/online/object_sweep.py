@@ -21,7 +21,7 @@ from mnsf_ros.sweeps.range_view import RangeView
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_clock import SweepClock
 
-# Points that are farther apart than this belong to different things.
+# A place with a surface so near is not new, and new points so near each other are of one part.
 TOUCH_M: Final = 0.25
 
 

@@ -40,6 +40,7 @@ class SurfaceClass(IntEnum):
     LARGE_VEHICLE = 10  # bus, truck, trailer, tram
     OBSTACLE = 11  # cone, barrel, sign: labelled as objects, but static
     ANIMAL = 12
+    OWN_BODY = 13  # of the robot: fixed to the sensor, its flow is not valid
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,18 +9,21 @@ and three arrays of direction components; ranges come back in units of the direc
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
-from mnsf_ros.simulation.routes import Trip
+from mnsf_ros.simulation.routes import EgoMotion, Trip
 
 Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 # Stands for zero in divisions: a ray parallel to a face meets it immeasurably far away.
 _PARALLEL = 1e-200
+# More than the rounding errors of points on a face.
+_ON_FACE_M = 1e-6
 
 
 class ShapeKind(IntEnum):
@@ -81,6 +84,25 @@ def entry_ranges(
         return np.where((near <= far) & (near > 0.0), near, np.inf)
 
 
+def normals(
+    kinds: NDArray[np.integer[Any]], half_extents: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Returns (N, 3) outward normals at points on shapes, each in the frame of its shape.
+
+    Kinds are (N,), half extents (N, 3).
+    """
+    around = points.copy()
+    around[:, 2] *= kinds == ShapeKind.SPHERE
+    # A cylinder has a lid, a box six faces: the point is on the one that it is least within.
+    beyond = np.abs(points) - half_extents
+    on_lid = (kinds == ShapeKind.CYLINDER) & (beyond[:, 2] > -_ON_FACE_M)
+    axis = np.where(on_lid, 2, np.argmax(beyond, axis=1))
+    face = np.eye(3)[axis] * points
+    is_flat = on_lid | (kinds == ShapeKind.BOX)
+    outward = np.where(is_flat[:, None], face, around)
+    return outward / np.maximum(np.linalg.norm(outward, axis=1), _PARALLEL)[:, None]
+
+
 def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns the ranges at which rays enter and leave the layer -half..half of one axis."""
     inverse = 1.0 / np.where(direction == 0.0, _PARALLEL, direction)
@@ -116,7 +138,8 @@ class Model:
     shapes: tuple[Shape, ...]
     length_m: float  # along x, which nothing else may enter, centered on the origin
     width_m: float  # the same along y
-    reflectivity: float  # mean intensity of its points, 0 to 255
+    reflectivity: float  # mean intensity of its points, 0 to 255; white is 100, mirrors shine more
+    smoothness: float = 0.0  # share of the light that it reflects as a mirror does, 0 to 1
 
 
 # Draws a specimen.
@@ -125,10 +148,10 @@ Maker = Callable[[np.random.Generator], Model]
 
 @dataclass(frozen=True)
 class Body:
-    """A model placed in the world: at rest at a (4, 4) `world_from_body`, or on a trip."""
+    """A model at rest at a (4, 4) `world_from_body`, on a trip, or fixed to the lidar."""
 
     model: Model
-    placement: FloatArray | Trip
+    placement: FloatArray | Trip | EgoMotion
 
     @property
     def trip(self) -> Trip | None:
@@ -139,4 +162,6 @@ class Body:
         """Returns the (4, 4) pose at a time in seconds."""
         if isinstance(self.placement, Trip):
             return self.placement.pose(time_s)
+        if isinstance(self.placement, EgoMotion):
+            return self.placement.world_from_sensor(time_s)
         return self.placement

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray
-from mnsf_ros.simulation.bodies import Directions, Shape, entry_ranges
+from mnsf_ros.simulation.bodies import Directions, Shape, entry_ranges, normals
 
-MIN_RANGE_M = 0.9
 # Glass returns rays within 15 degrees of its normal.
 _GLASS_COSINE = 0.966
 # Of angles, radians: more than their rounding errors.
@@ -69,15 +68,17 @@ class ShapeTable:
         self._poses = np.array([shape.body_from_shape for shape in shapes]).reshape(-1, 4, 4)
 
     def cast(
-        self, rays: Rays, lidar_from_body: FloatArray, max_range_m: float
+        self, rays: Rays, lidar_from_body: FloatArray, limits_m: tuple[float, float]
     ) -> tuple[FloatArray, NDArray[np.int32]]:
-        """Returns (C, B) ranges to the first shape of each ray and (C, B) body numbers.
+        """Returns (C, B) ranges to the first shape of each ray and (C, B) numbers of the shapes.
 
-        They are `inf` metres and -1 where nothing is met. Shapes entirely beyond `max_range_m` are
-        skipped. `lidar_from_body` is (bodies, 4, 4).
+        They are `inf` metres and -1 where nothing is met. Rays go through what is nearer than the
+        first limit; shapes entirely beyond the second are skipped. `lidar_from_body` is
+        (bodies, 4, 4).
         """
+        min_range_m, max_range_m = limits_m
         ranges = np.full(rays.shape, np.inf)
-        bodies = np.full(rays.shape, -1, dtype=np.int32)
+        shapes = np.full(rays.shape, -1, dtype=np.int32)
         poses = lidar_from_body[self.body_of_shape] @ self._poses
         nearest = self._nearest(poses)
         order = np.argsort(nearest, kind="stable")
@@ -94,10 +95,21 @@ class ShapeTable:
             if block.size == 0 or block.max() <= nearest[k]:
                 continue
             entry = self._entry(int(k), poses[k], rays, window)
-            nearer = (entry < block) & (entry >= MIN_RANGE_M)
+            nearer = (entry < block) & (entry >= min_range_m)
             ranges[window] = np.where(nearer, entry, block)
-            bodies[window] = np.where(nearer, self.body_of_shape[k], bodies[window])
-        return ranges, bodies
+            shapes[window] = np.where(nearer, k, shapes[window])
+        return ranges, shapes
+
+    def normals(
+        self, shapes: NDArray[np.int32], points: FloatArray, lidar_from_body: FloatArray
+    ) -> FloatArray:
+        """Returns (N, 3) outward normals at points (N, 3) on shapes (N,), in the lidar frame."""
+        poses = (lidar_from_body[self.body_of_shape] @ self._poses)[shapes]
+        rotations = poses[:, :3, :3]
+        local = np.einsum("nji,nj->ni", rotations, points - poses[:, :3, 3])
+        kinds = np.array(self._kinds)[shapes]
+        own = normals(kinds, self.half_extents[shapes], local)
+        return np.einsum("nij,nj->ni", rotations, own)
 
     def _nearest(self, poses: FloatArray) -> FloatArray:
         """Returns (K,) distances from the lidar to the nearest point of each bounding box."""

@@ -228,6 +228,35 @@ def bench(rng: np.random.Generator) -> Model:
     return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * half, 0.5, 55.0)
 
 
+def kerb(rng: np.random.Generator) -> Model:
+    """Returns a kerb along x, low enough for a single beam."""
+    half = rng.uniform(0.8, 5.0)
+    shapes = (box((-half, half), (-0.15, 0.15), (0.0, rng.uniform(0.1, 0.22))),)
+    return Model(SurfaceClass.SIDEWALK, shapes, 2 * half, 0.3, rng.uniform(30.0, 60.0))
+
+
+def smooth_wall(rng: np.random.Generator) -> Model:
+    """Returns 12 m of a wall along x of glass, tiles or metal."""
+    shapes = (box((-6.0, 6.0), (-0.1, 0.1), (0.0, rng.uniform(0.5, 4.0))),)
+    reflectivity, smoothness = rng.uniform(30.0, 90.0), 1.0 - 10.0 ** -rng.uniform(1.0, 3.0)
+    return Model(SurfaceClass.BUILDING, shapes, 12.0, 0.2, reflectivity, smoothness)
+
+
+def own_body(rng: np.random.Generator) -> Model:
+    """Returns what the lidar sees of its own vehicle, in the lidar frame.
+
+    That is two boxes behind it as in KITTI, or a roof and a mast as in `radiate_hdl32`.
+    """
+    boxes = [
+        box((-1.2, -0.8), (side * 1.2 - 0.2, side * 1.2 + 0.2), (-0.75, -0.5)) for side in (-1, 1)
+    ]
+    below, side = -rng.uniform(0.2, 0.4), rng.choice([-1.0, 1.0])
+    roof = box((-rng.uniform(1.5, 2.7), 0.5), (-0.6, 1.0), (below - 0.3, below))
+    mast = cylinder(rng.uniform(-0.6, 0.3), 0.6 * side, rng.uniform(0.04, 0.2), (below, 0.4))
+    seen = (boxes, [roof], [mast], [roof, mast])[int(rng.integers(4))]
+    return Model(SurfaceClass.OWN_BODY, tuple(seen), 0.0, 0.0, 60.0)
+
+
 def shelter(rng: np.random.Generator) -> Model:
     """Returns a bus shelter that opens toward -y."""
     half = rng.uniform(1.6, 2.2)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray
-from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays
+from mnsf_ros.simulation.lidar import Rays
 from mnsf_ros.simulation.settings import SimulationSettings, drawn
 
 _LIDARS: Final = {"16": 0.2, "32": 0.2, "64": 0.2, "128": 0.2, "raster": 0.1, "rosette": 0.1}
@@ -46,6 +46,12 @@ class Sensor:
         is_rolling: Whether each point has its own time; else a sweep is taken in an instant.
         is_rosette: Whether one beam draws a rosette, another one in each sweep.
         rain_per_m: Share of the light lost to rain per metre; drops near the lidar give points.
+        min_range_m: Minimum range.
+        jitter: Largest deviation of a sweep's time, in intervals.
+        missing: Share of the sweeps that are missing.
+        reach_m: Range at which half of the rays to a surface that returns a tenth come back; all
+            rays to all surfaces if infinite.
+        fog_per_m: Share of the light lost to fog per metre, if the reach is finite.
     """
 
     kind: str
@@ -59,6 +65,20 @@ class Sensor:
     is_rolling: bool = False
     is_rosette: bool = False
     rain_per_m: float = 0.0
+    min_range_m: float = 0.9
+    jitter: float = 0.0
+    missing: float = 0.0
+    reach_m: float = math.inf
+    fog_per_m: float = 0.0
+
+    def sweep_times(
+        self, number: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.intp], FloatArray]:
+        """Returns the turns (T,), of so many, that give a sweep, and their times in seconds."""
+        is_missing, off = rng.uniform(size=(number, 2)).T
+        times_s = (np.arange(number) + self.jitter * (2 * off - 1)) * (1.0 / self.rate_hz)
+        turns = np.flatnonzero(is_missing >= self.missing)
+        return turns, times_s[turns]
 
     def rays(self, index: int, phase: float) -> Iterator[tuple[Rays, float]]:
         """Yields the rays sent at one time, and the seconds from the stamp until then.
@@ -98,8 +118,12 @@ class Sensor:
         low, high = np.radians(self.elevations_deg[[0, -1]])
         radius = np.sin(2 * math.pi * _ROSETTE_PETALS * turns)
         angle = 2 * math.pi * _ROSETTE_TURNS * turns
-        azimuth = math.radians(self.degrees / 2) * radius * np.cos(angle)
-        elevation = (low + high) / 2 + (high - low) / 2 * radius * np.sin(angle)
+        if self.degrees >= _TURN_DEG:
+            azimuth, height = np.angle(np.exp(1j * angle)), radius
+        else:
+            azimuth = math.radians(self.degrees / 2) * radius * np.cos(angle)
+            height = radius * np.sin(angle)
+        elevation = (low + high) / 2 + (high - low) / 2 * height
         order = np.argsort(azimuth)
         return Rays(azimuth[order], elevation[order, None])
 
@@ -108,7 +132,7 @@ class Sensor:
         # There and back again.
         is_lost = rng.uniform(size=len(ranges)) < 1.0 - np.exp(-2.0 * self.rain_per_m * ranges)
         ranges[is_lost] = np.inf
-        drops_m = rng.uniform(MIN_RANGE_M, _FARTHEST_DROP_M, len(ranges))
+        drops_m = rng.uniform(self.min_range_m, _FARTHEST_DROP_M, len(ranges))
         is_drop = rng.uniform(size=len(ranges)) < _DROPS_PER_LOSS * self.rain_per_m
         is_drop &= drops_m < ranges
         ranges[is_drop] = drops_m[is_drop]

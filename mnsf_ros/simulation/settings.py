@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings of the simulated recording, and its scenario: what is drawn, and how often."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import compress
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -13,8 +14,12 @@ from mnsf_ros.setting import check_declared, declared, settings_of
 Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", "random", "standing")
-_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario")
+SCENARIOS = ("street", "random", "adverse", "standing")
+# Of adverse worlds, see conditions.py and docs/recordings.md; each world has some of them.
+CONDITIONS = ("jitter", "gaps", "body", "walls", "wet", "fog", "kerbs", "lidar", "groups")
+_CONDITION_SHARE = 0.4
+_DRAWN = "drawn"
+_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions")
 # Of a random world: names to shares, and to the lowest and highest speed.
 _PLACES = {"street": 0.35, "crossing": 0.2, "country road": 0.15, "square": 0.2, "tunnel": 0.1}
 _EGOS = {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
@@ -32,7 +37,7 @@ _NUMBERS = {0.0: 0.1, 4.0: 0.3, 12.0: 0.35, 30.0: 0.25}
 class SimulationSettings:
     """Settings of a simulation. Equal settings give equal recordings, byte for byte.
 
-    The scenarios `random` and `standing` draw all but `seed` and `duration_s`.
+    All scenarios but `street` draw all but `seed` and `duration_s`.
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range, or is set although the
@@ -47,14 +52,21 @@ class SimulationSettings:
     ego_speed_m_s: float = declared(8.0, "speed of the vehicle with the lidar", 0, 20)
     scenario: str = declared(
         "street",
-        "street; random: a drawn lidar, place and traffic; standing: random, nothing moves",
+        "random: drawn lidar, place, traffic; adverse: with conditions; standing: no movers",
         choices=SCENARIOS,
     )
+    conditions: str = declared(_DRAWN, f"of adverse, with commas: {', '.join(CONDITIONS)}")
 
     def __post_init__(self) -> None:
         check_declared(self)
         if self.num_beams not in BEAM_CHOICES:
             raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
+        is_known = self.scenario == "adverse" and set(self.conditions.split(",")) <= {*CONDITIONS}
+        if self.conditions != _DRAWN and not is_known:
+            raise SettingsError(
+                f"conditions: got {self.conditions!r} in the scenario {self.scenario}, expected "
+                f"names with commas between in the scenario adverse: {', '.join(CONDITIONS)}"
+            )
         if self.scenario != "street":
             for setting in settings_of(SimulationSettings):
                 value = getattr(self, setting.name)
@@ -74,6 +86,7 @@ class Scenario(NamedTuple):
     numbers: Mapping[float, float] = _NUMBERS  # mean number of movers
     reach_m: tuple[float, float] = (-35.0, 55.0)  # from behind to ahead, where traffic begins
     level: float = 0.7  # share of places without a slope
+    conditions: frozenset[str] = frozenset()  # some of `CONDITIONS`
 
 
 def scenario_of(settings: SimulationSettings) -> Scenario:
@@ -82,6 +95,8 @@ def scenario_of(settings: SimulationSettings) -> Scenario:
         return Scenario()
     if settings.scenario == "standing":
         return Scenario(numbers={0: 1.0})
+    if settings.scenario == "adverse":
+        return Scenario(conditions=frozenset(_conditions(settings)))
     # Oncoming traffic is met until the end.
     ahead_m = 55.0 + 1.5 * settings.ego_speed_m_s * settings.duration_s
     return Scenario(
@@ -93,6 +108,14 @@ def scenario_of(settings: SimulationSettings) -> Scenario:
         reach_m=(-35.0, ahead_m),
         level=1.0,
     )
+
+
+def _conditions(settings: SimulationSettings) -> Iterable[str]:
+    """Returns the conditions that are set, or drawn."""
+    if settings.conditions != _DRAWN:
+        return settings.conditions.split(",")
+    has_each = np.random.default_rng([settings.seed, 5]).uniform(size=len(CONDITIONS))
+    return compress(CONDITIONS, has_each < _CONDITION_SHARE)
 
 
 def drawn(shares: Mapping[Item, float], rng: np.random.Generator) -> Item:

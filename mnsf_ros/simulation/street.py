@@ -23,6 +23,9 @@ _BISECTIONS = 14
 # Intensities, and their standard deviation.
 _ASPHALT, _SIDEWALK = 22.0, 48.0
 _SPECKLE = 5.0
+# The face of a curb without its edges, and how far beside the street it may seem to be.
+_CURB_EDGE_M = 1e-3
+_LANE_MARGIN_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -190,15 +193,32 @@ def _curb_ranges(
     return behind
 
 
-def intensities(
-    class_id: NDArray[np.uint8], reflectivity: FloatArray, rng: np.random.Generator
-) -> NDArray[np.float32]:
-    """Returns (N,) intensities from 0 to 255, with speckle, of points of some classes (N,).
+def ground_cosines(street: Street, points: FloatArray, directions: FloatArray) -> FloatArray:
+    """Returns (N,) cosines of the incidence of unit directions at points on the ground, (N, 3)."""
+    cosines = np.abs(directions[:, 2])
+    is_curb = (points[:, 2] > _CURB_EDGE_M) & (points[:, 2] < CURB_HEIGHT_M - _CURB_EDGE_M)
+    x, y = points[is_curb, :2].T
+    heading = street.centerline.heading(x)
+    beside_m = np.abs(street.centerline.lateral(x, y))
+    # The curbs of side streets face along the main one.
+    facing = heading + np.where(beside_m < street.half_width_m + _LANE_MARGIN_M, math.pi / 2, 0.0)
+    along, across = directions[is_curb, :2].T
+    cosines[is_curb] = np.abs(np.cos(facing) * along + np.sin(facing) * across)
+    return cosines
 
-    The (N,) reflectivity is the mean intensity of the body each point is on, ignored on the ground.
+
+def brightness(class_id: NDArray[np.uint8], reflectivity: FloatArray) -> FloatArray:
+    """Returns (N,) mean intensities of points of some classes (N,).
+
+    The (N,) reflectivity is that of the body each point is on, ignored on the ground.
     """
-    brightness = reflectivity.copy()
-    brightness[class_id == SurfaceClass.ROAD] = _ASPHALT
-    brightness[class_id == SurfaceClass.SIDEWALK] = _SIDEWALK
-    brightness += rng.normal(0.0, _SPECKLE, len(brightness))
-    return np.clip(brightness, 0.0, 255.0).astype(np.float32)
+    mean = reflectivity.copy()
+    mean[class_id == SurfaceClass.ROAD] = _ASPHALT
+    mean[class_id == SurfaceClass.SIDEWALK] = _SIDEWALK
+    return mean
+
+
+def intensities(mean: FloatArray, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Returns (N,) intensities from 0 to 255 of mean intensities, with speckle."""
+    speckled = mean + rng.normal(0.0, _SPECKLE, len(mean))
+    return np.clip(speckled, 0.0, 255.0).astype(np.float32)

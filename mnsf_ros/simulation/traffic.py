@@ -28,7 +28,7 @@ _TRIES: Final = 4
 class Kind:
     """Traffic of one kind: its share, models, speeds, and where it goes.
 
-    Of two models the second one follows `behind_m` behind the first one, `beside_m` left of it.
+    Of several models each follows `behind_m` behind the one before, `beside_m` left of it.
     Without a `name` it has those of its models.
     """
 
@@ -66,6 +66,14 @@ _KINDS: Final = (
     Kind(0.05, (models.car,), (3.0, 18.0), "side street"),
     Kind(0.04, (models.van,), (3.0, 5.0), "turn"),
 )
+# People who touch each other, and walls.
+_GROUPS: Final = (
+    Kind(0.15, (models.pedestrian,) * 3, (0.4, 1.6), "sidewalk", beside_m=0.42, name="group"),
+    Kind(0.1, (models.pedestrian,) * 4, (0.4, 1.2), "sidewalk", behind_m=0.4, name="queue"),
+    Kind(0.15, (models.pedestrian,) * 2, (0.4, 1.6), "wall", behind_m=0.45, name="pair at a wall"),
+)
+# Middle of a person from the wall.
+_AT_WALL_M: Final = 0.3
 
 
 def straight_over(
@@ -123,21 +131,22 @@ class Traffic:
     street: Street
     ego_speed_m_s: float  # of the vehicle with the lidar
     clearance: Clearance  # what is in their way
+    walls_m: tuple[float, ...]  # laterals of walls
 
     def drawn(self, rng: np.random.Generator) -> Iterator[tuple[str, list[Body]]]:
         """Yields movers that meet nothing, with the name of their kind."""
+        kinds = (*_KINDS, *(_GROUPS if "groups" in self.scenario.conditions else ()))
         number, found = rng.poisson(drawn(self.scenario.numbers, rng)), 0
         for _ in range(_TRIES * number):
-            kind = drawn({kind: kind.share for kind in _KINDS}, rng)
+            kind = drawn({kind: kind.share for kind in kinds}, rng)
             first = self._trip(kind, rng)
             if first is None:
                 continue
             trips = [first]
-            if len(kind.makers) > 1:
-                beside = first.route.beside(kind.beside_m)
-                trips.append(
-                    replace(first, route=beside, start_arc_m=first.start_arc_m - kind.behind_m)
-                )
+            for place in range(1, len(kind.makers)):
+                beside = first.route.beside(place * kind.beside_m)
+                start_m = first.start_arc_m - place * kind.behind_m
+                trips.append(replace(first, route=beside, start_arc_m=start_m))
             group = [(maker(rng), trip) for maker, trip in zip(kind.makers, trips, strict=True)]
             rectangles = ((trip, model.length_m, model.width_m) for model, trip in group)
             if self.clearance.accept(*rectangles):
@@ -160,11 +169,13 @@ class Traffic:
             if kind.way == "turn":
                 return right_turn(street, crossing, at_s, speed_m_s, leaving=is_left)
             return straight_over(street, crossing, at_s, speed_m_s, toward_left=is_left)
-        if self.place == "tunnel" and kind.way in ("sidewalk", "across"):
+        has_way = self.place != "tunnel" or kind.way not in ("sidewalk", "across")
+        if not has_way or (kind.way == "wall" and not self.walls_m):
             return None
         if self.place != "square" and kind.way == "across":
             return self._walk_across(speed_m_s, rng)
-        route = self._open_way(rng) if self.place == "square" else self._way(kind.way, rng)
+        is_open = self.place == "square" and kind.way != "wall"
+        route = self._open_way(rng) if is_open else self._way(kind.way, rng)
         if kind.way == "lane" and rng.uniform() < 0.4 and self.ego_speed_m_s > 1.0:
             speed_m_s = self.ego_speed_m_s * rng.uniform(0.7, 1.3)
         nearest_m, farthest_m = self.scenario.reach_m
@@ -186,6 +197,10 @@ class Traffic:
         elif way == "edge":
             lateral = side * (edge_m - rng.choice([0.7, 2.7]) + rng.uniform(-0.2, 0.2))
             forward = side < 0
+        elif way == "wall":
+            wall_m = rng.choice(self.walls_m)
+            lateral = wall_m - math.copysign(_AT_WALL_M, wall_m)
+            forward = bool(rng.integers(2))
         else:
             lateral, forward = side * (edge_m + rng.uniform(0.9, 2.45)), bool(rng.integers(2))
         return self.street.lane(lateral, forward=forward)

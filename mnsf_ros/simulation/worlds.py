@@ -16,6 +16,7 @@ import numpy as np
 
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker, Model
+from mnsf_ros.simulation.conditions import Draws, draws_of, sensor_under, wetness_under
 from mnsf_ros.simulation.routes import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,
@@ -51,6 +52,10 @@ _BACK_ROWS: Final[dict[str, tuple[Maker, float, float]]] = {
     "fence": (models.fence, 4.0, 3.2),
     "bank": (models.bank, 10.0, 3.2),
 }
+# Of walls that people walk along: how far behind the edge their fronts are.
+_FRONTS_M: Final = {"houses": 3.7, "shops": 4.0}
+_SMOOTH_WALL_M: Final = 3.1
+_ON_SQUARE_M: Final = 20.0
 _POSTS: Final[tuple[Maker, ...]] = (
     *(models.tree, models.tree, models.lamp_post, models.sign, models.bollard, models.bollard),
     *(models.litter_bin, models.cabinet, models.bench),
@@ -66,7 +71,7 @@ _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 class Scene:
     """Street, everything on it, and the vehicle with its lidar.
 
-    `text` says in a line what was drawn.
+    `wetness` of all surfaces is 0 to 1; `text` says in a line what was drawn.
     """
 
     street: Street
@@ -74,25 +79,34 @@ class Scene:
     ego: EgoMotion
     sensor: Sensor
     text: str
+    wetness: float = 0.0
 
 
 def build_scene(settings: SimulationSettings) -> Scene:
     """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: another lidar does not change the traffic.
-    lidar, place, traffic = np.random.default_rng([settings.seed, 4]).spawn(3)
+    lidar, place, traffic, others = np.random.default_rng([settings.seed, 4]).spawn(4)
+    scenario = scenario_of(settings)
+    draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
+    sensor = sensor_under(sensor, draws)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
-    world = _World(scenario_of(settings), duration_s, place)
-    text = f"{sensor.kind}, {sensor.rate_hz:g} Hz{', rain' if sensor.rain_per_m else ''}"
-    return world.scene(sensor, text, traffic)
+    world = _World(scenario, duration_s, place, draws)
+    rain = ["rain"] if sensor.rain_per_m else []
+    text = ", ".join([sensor.kind, f"{sensor.rate_hz:g} Hz", *rain, *draws])
+    return replace(world.scene(sensor, text, traffic), wetness=wetness_under(draws))
 
 
 class _World:
     """A place with an ego vehicle."""
 
-    def __init__(self, scenario: Scenario, duration_s: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, scenario: Scenario, duration_s: float, rng: np.random.Generator, draws: Draws
+    ) -> None:
         self._scenario, self._duration_s = scenario, duration_s
+        # Laterals of walls that people can walk along.
+        self._walls_m: list[float] = []
         # One second more than recorded: the last sweeps' truth looks one interval ahead.
         self._clearance = Clearance(duration_s + 1.0, margin_m=_APART_M)
         self._place, self._ego_kind = drawn(scenario.places, rng), drawn(scenario.egos, rng)
@@ -103,12 +117,17 @@ class _World:
         self._ego = self._moving_lidar(rng)
         length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
         self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
-        self._things = list(self._things_at_rest(rng))
+        self._things = [*self._things_at_rest(rng), *self._conditions(draws)]
 
     def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
         """Returns the scene with traffic drawn; `text` describes the lidar."""
         traffic = Traffic(
-            self._scenario, self._place, self._street, self._speed_m_s, self._clearance
+            self._scenario,
+            self._place,
+            self._street,
+            self._speed_m_s,
+            self._clearance,
+            tuple(self._walls_m),
         )
         groups = list(traffic.drawn(rng))
         counts = ", ".join(
@@ -172,7 +191,21 @@ class _World:
             back = drawn(_BACKS[self._place], rng)
             if back in _BACK_ROWS:
                 maker, pitch_m, behind_m = _BACK_ROWS[back]
+                if back in _FRONTS_M:
+                    self._walls_m.append(side * (edge_m + _FRONTS_M[back]))
                 yield from self._row((maker,), side * (edge_m + behind_m), pitch_m, rng)
+
+    def _conditions(self, draws: Draws) -> Iterator[Body]:
+        """Yields smooth walls, kerbs and the own body."""
+        if "walls" in draws and self._place != "tunnel":
+            walls_m = min(self._street.half_width_m, _ON_SQUARE_M) + _SMOOTH_WALL_M
+            self._walls_m = [walls_m - 0.1, 0.1 - walls_m]
+            for lateral in (walls_m, -walls_m):
+                yield from self._row((models.smooth_wall,), lateral, 12.5, draws["walls"], 0.8)
+        if "kerbs" in draws:
+            yield from self._row((models.kerb,), 0.0, 12.0, draws["kerbs"], 0.8)
+        if "body" in draws:
+            yield Body(models.own_body(draws["body"]), self._ego)
 
     def _is_free(self, body: Body) -> bool:
         """Whether nothing that was there before is in its way; from now on it is in the way."""

@@ -24,28 +24,33 @@ class LoadControl:
     def __init__(self) -> None:
         self.effort = Effort.FULL
         self._lock = threading.Lock()
-        self._num_estimates = 0  # since the last change or drop
+        # Numbers of estimates.
+        self._since_change = self._since_drop = 0
         self._calm = _CALM
         self._is_on_trial = False
 
     def count_drop(self) -> None:
-        """A triplet was dropped: less effort, unless that was lowered just now."""
+        """A triplet was dropped: less effort, unless it was changed just now."""
         with self._lock:
-            has_settled, self._num_estimates = self._num_estimates >= _SETTLING, 0
-            if not has_settled or self.effort is Effort.LEAST:
+            self._since_drop = 0
+            if self._since_change < _SETTLING or self.effort is Effort.LEAST:
                 return
             if self._is_on_trial:
                 self._calm = min(2 * self._calm, _CALMEST)
-            self.effort, self._is_on_trial = Effort(self.effort + 1), False
+            self._change(self.effort + 1, is_on_trial=False)
 
     def count_estimate(self) -> None:
         """An estimate is done: more effort, after many in a row without a drop."""
         with self._lock:
-            self._num_estimates += 1
-            if self._num_estimates < self._calm:
+            self._since_change += 1
+            self._since_drop += 1
+            if min(self._since_change, self._since_drop) < self._calm:
                 return
-            if self._is_on_trial or self.effort is Effort.FULL:
-                self._calm = _CALM
-            self._is_on_trial = self.effort is not Effort.FULL
-            self.effort = Effort(max(self.effort - 1, Effort.FULL))
-            self._num_estimates = 0
+            if self._is_on_trial:
+                self._calm, self._is_on_trial = _CALM, False
+            if self.effort is not Effort.FULL:
+                self._change(self.effort - 1, is_on_trial=True)
+
+    def _change(self, effort: int, *, is_on_trial: bool) -> None:
+        self.effort, self._is_on_trial = Effort(effort), is_on_trial
+        self._since_change = 0

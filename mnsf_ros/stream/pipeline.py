@@ -171,7 +171,8 @@ class StreamPipeline:
         else:
             self._load_control.count_estimate()
             if self._handing_out.submit((job, estimate)):
-                self._count_drop()
+                # A slow output is not made faster by less effort.
+                self.statistics.count(TRIPLETS_DROPPED)
 
     def _hand_out(self, flow: tuple[TripletJob, FlowEstimate]) -> None:
         job, estimate = flow

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from slow_geometry import signed_distance
 
-from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
+from mnsf_ros.geometry.transforms import apply, invert, planar_pose, tilt
 from mnsf_ros.simulation.bodies import Shape, ShapeKind, box, entry_ranges
-from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
+from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.sensor import Sensor, knee_elevations_deg
 
 FULL = (slice(None), slice(None))
+LIMITS_M = (0.9, 100.0)
 HALF = {
     ShapeKind.BOX: np.array([2.0, 1.0, 0.5]),
     ShapeKind.CYLINDER: np.array([0.7, 0.7, 1.5]),
@@ -82,7 +83,7 @@ def test_culling_changes_nothing(seed, kind):
         "scattered": scattered(rng),
     }[kind]
     ranges, bodies = ShapeTable(shapes, list(range(len(shapes)))).cast(
-        rays, np.broadcast_to(np.eye(4), (len(shapes), 4, 4)), 100.0
+        rays, np.broadcast_to(np.eye(4), (len(shapes), 4, 4)), LIMITS_M
     )
     expected = np.full(ranges.shape, np.inf)
     for shape in shapes:
@@ -91,8 +92,28 @@ def test_culling_changes_nothing(seed, kind):
         entry = entry_ranges(
             shape.kind, np.array(shape.half_extents), origin, rays.directions(rotation, FULL)
         )
-        expected = np.minimum(expected, np.where(entry >= MIN_RANGE_M, entry, np.inf))
+        expected = np.minimum(expected, np.where(entry >= LIMITS_M[0], entry, np.inf))
     assert np.array_equal(np.isfinite(ranges), np.isfinite(expected))
     hit = np.isfinite(expected)
     assert np.allclose(ranges[hit], expected[hit], rtol=0, atol=1e-9)
     assert np.array_equal(bodies >= 0, hit)
+
+
+def test_normals_are_how_the_distance_to_the_surface_grows():
+    rng = np.random.default_rng(4)
+    shapes = [random_shape(rng) for _ in range(30)]
+    table = ShapeTable(shapes, list(range(len(shapes))))
+    poses = np.broadcast_to(np.eye(4), (len(shapes), 4, 4))
+    rays = revolution(180, 32, 0.3)
+    ranges, hit = (array.ravel() for array in table.cast(rays, poses, LIMITS_M))
+    met = np.flatnonzero(hit >= 0)
+    directions = np.stack(rays.directions(np.eye(3), FULL), axis=-1).reshape(-1, 3)
+    points, hit = directions[met] * ranges[met, None], hit[met]
+    normals = table.normals(hit, points, poses)
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+    assert {shapes[number].kind for number in hit} == set(ShapeKind)
+    for shape, number in ((shapes[number], number) for number in np.unique(hit)):
+        own, inverse = hit == number, invert(shape.body_from_shape)
+        outside = apply(inverse, points[own] + 0.01 * normals[own])
+        distances = signed_distance(shape.kind, np.array(shape.half_extents), outside)
+        assert distances == pytest.approx(0.01, abs=1e-6)

@@ -3,6 +3,7 @@
 
 import itertools
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,6 +29,11 @@ def world(seed):
     return SweepSimulator(SimulationSettings(seed=seed, scenario="random"))
 
 
+def adverse(seed):
+    """The simulator of an adverse world."""
+    return SweepSimulator(SimulationSettings(seed=seed, scenario="adverse"))
+
+
 def first_world(is_wanted, seeds=range(40)):
     """The first random world of a kind."""
     return next(each for each in map(world, seeds) if is_wanted(each.scene))
@@ -50,7 +56,7 @@ def moments(simulator, sweep, index):
     """Time of each moment at which points were measured, and their rows."""
     times_ns = sweep.columns.get("t", np.zeros(len(sweep.xyz)))
     for after_ns in np.unique(times_ns):
-        yield index * simulator.interval_s + after_ns * 1e-9, np.flatnonzero(times_ns == after_ns)
+        yield simulator.times_s[index] + after_ns * 1e-9, np.flatnonzero(times_ns == after_ns)
 
 
 def off_surface(scene, sweep, rows, world, time_s):
@@ -74,15 +80,23 @@ def off_surface(scene, sweep, rows, world, time_s):
     return apart
 
 
-@pytest.mark.parametrize("seed", [None, *range(12)])
-def test_points_and_moved_points_lie_on_their_surfaces(seed):
-    simulator = exact_street() if seed is None else exact(world(seed))
+SIMULATORS = [
+    exact_street,
+    *(partial(world, seed) for seed in range(12)),
+    *(partial(adverse, seed) for seed in range(3)),
+]
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_points_and_moved_points_lie_on_their_surfaces(simulator):
+    simulator = exact(simulator())
     for index in (4, 30):
         sweep = simulator.sweep(index)
+        interval_s = simulator.times_s[index + 1] - simulator.times_s[index]
         for time_s, measured in moments(simulator, sweep, index):
             rows = measured[sweep.truth.valid[measured]]
             xyz, flow = (array[rows].astype(float) for array in (sweep.xyz, sweep.truth.flow))
-            for moved, then_s in ((xyz, time_s), (xyz + flow, time_s + simulator.interval_s)):
+            for moved, then_s in ((xyz, time_s), (xyz + flow, time_s + interval_s)):
                 at = apply(simulator.scene.ego.world_from_sensor(then_s), moved)
                 assert off_surface(simulator.scene, sweep, rows, at, then_s).max() < 2e-3
 
@@ -233,10 +247,10 @@ def test_windows_are_seen_squarely_and_looked_through_at_an_angle():
     rays = Rays(np.radians(np.arange(-60.0, 61.0)), np.zeros((1, 1)))
     pane = Shape(ShapeKind.BOX, (20.0, 0.01, 2.0), planar_pose(10.0, 0.0, np.pi / 2), is_glass=True)
     wall = box((14.0, 15.0), (-50.0, 50.0), (-2.0, 2.0))
-    _, bodies = ShapeTable([pane, wall], [0, 1]).cast(rays, np.array([np.eye(4)] * 2), 120.0)
+    _, shapes = ShapeTable([pane, wall], [0, 1]).cast(rays, np.array([np.eye(4)] * 2), (0.9, 120.0))
     angle = np.degrees(np.abs(rays.azimuth))
-    assert (bodies[angle < 14.5] == 0).all()
-    assert (bodies[angle > 15.5] == 1).all()
+    assert (shapes[angle < 14.5] == 0).all()
+    assert (shapes[angle > 15.5] == 1).all()
 
 
 def rigid_flow(now, then):

@@ -85,7 +85,12 @@ def after(control, *events):
 
 class TestControl:
     def test_the_first_estimates_may_be_slow(self):
-        assert after(LoadControl(), 0, 4, 4) is FULL
+        assert after(LoadControl(), 0, 2, 2) is FULL
+
+    def test_goes_down_where_more_triplets_are_dropped_than_estimated(self):
+        control = LoadControl()
+        assert after(control, *(6 * [0, 1, 0])) is NEAR
+        assert after(control, *(20 * [0, 1, 0])) is LEAST
 
     def test_goes_down_as_long_as_that_does_not_help(self):
         control = LoadControl()
