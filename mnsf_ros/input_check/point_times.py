@@ -74,8 +74,8 @@ class TimesOfPoints:
         """Times of points, in words."""
         if not self._times:
             return {"times of points": "none: a cloud counts as taken in one moment"}
-        kind = "turning" if self._is_turning else "not turning"
-        text = f"{self._source}, a sweep takes {1e3 * self._duration_s:.1f} ms, {kind}"
+        order = "" if self._is_turning else "not "
+        text = f"{self._source}, {1e3 * self._span_s:.1f} ms a sweep, {order}in order of azimuth"
         return {"times of points": text}
 
     def findings(self) -> Iterator[Finding]:
@@ -94,6 +94,10 @@ class TimesOfPoints:
         return float(np.median([one.duration_s for one in self._times]))
 
     @property
+    def _span_s(self) -> float:
+        return float(np.median([one.span_s for one in self._times]))
+
+    @property
     def _is_turning(self) -> bool:
         return bool(np.median([one.is_turning for one in self._times]))
 
@@ -110,7 +114,7 @@ class TimesOfPoints:
 
     def _contradictions(self, interval_s: float) -> Iterator[Finding]:
         duration_s = self._duration_s
-        span_s = float(np.median([one.span_s for one in self._times]))
+        span_s = self._span_s
         spans = f"times of points span {1e3 * span_s:.1f} ms"
         text = f"{spans}, sweeps are {1e3 * interval_s:.1f} ms apart"
         remedy = "Correct the driver, set time.unit, or use no times: time.field=none"

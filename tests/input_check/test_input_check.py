@@ -187,7 +187,7 @@ def test_without_times_it_cannot_be_known_whether_the_lidar_turns():
 def test_facts_describe_the_stream():
     facts = checked(street()).facts()
     assert facts["rate"].startswith("10.0 Hz")
-    assert facts["times of points"].endswith("a sweep takes 101.4 ms, turning")
+    assert facts["times of points"].endswith("100.0 ms a sweep, in order of azimuth")
     assert facts["field of view"].endswith("-25 to 2 up")
     assert facts["mounting"].startswith("origin 1.5")
     assert facts["own body"] == "none"
