@@ -2,6 +2,7 @@
 """The errors that callers of this package may catch, and texts that fit into any line."""
 
 import re
+import reprlib
 import sys
 from collections.abc import Iterable
 from typing import Final
@@ -48,6 +49,8 @@ class EvaluationError(MnsfError, ValueError):
 
 
 # Not decoded from bytes by Python.
+_SHORTENER: Final = reprlib.Repr()
+_SHORTENER.maxstring = _SHORTENER.maxlong = _SHORTENER.maxother = 500
 _LONE_SURROGATES: Final = re.compile("[\ud800-\udc7f\udd00-\udfff]")
 # They move the cursor, change colours, ring, or reverse the direction of writing.
 _CONTROL: Final = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -67,6 +70,11 @@ def plain_text(text: object) -> str:
 
 def _escaped(character: re.Match[str]) -> str:
     return character[0].encode("unicode_escape").decode("ascii")
+
+
+def shortened(value: object) -> str:
+    """Returns the `repr` of a value, without the middle if it is very long."""
+    return _SHORTENER.repr(value)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

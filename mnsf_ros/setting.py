@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from typing import Any, get_type_hints
 
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import SettingsError, shortened
 
 SettingValue = bool | int | float | str
 
@@ -52,12 +52,12 @@ class Setting:
         """
         typed = self._typed(value)
         if self.choices and typed not in self.choices:
-            raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+            raise self._refusal(value)
         if isinstance(typed, (int, float)) and not isinstance(typed, bool):
             too_small = self.minimum is not None and typed < self.minimum
             too_large = self.maximum is not None and typed > self.maximum
             if too_small or too_large or not math.isfinite(typed):
-                raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+                raise self._refusal(value)
         return typed
 
     def parsed(self, text: str) -> SettingValue:
@@ -85,7 +85,11 @@ class Setting:
             return int(value)
         if type(value) is self.kind:
             return value  # type: ignore[return-value]
-        raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+        raise self._refusal(value)
+
+    def _refusal(self, value: object) -> SettingsError:
+        text = f"{self.name}: got {shortened(value)}, expected {self._expected()}"
+        return SettingsError(text)
 
     def _expected(self) -> str:
         if self.choices:

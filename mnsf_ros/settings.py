@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from mnsf_ros.errors import SettingsError, did_you_mean
+from mnsf_ros.errors import SettingsError, did_you_mean, shortened
 from mnsf_ros.setting import Setting, SettingValue, declared, settings_of
 
 
@@ -573,7 +573,7 @@ def declared_setting(name: str) -> Setting:
     """
     by_name = {setting.name: setting for setting in declared_settings()}
     if name not in by_name:
-        raise SettingsError(f"unknown setting {name!r}{did_you_mean(name, by_name)}")
+        raise SettingsError(f"unknown setting {shortened(name)}{did_you_mean(name, by_name)}")
     return by_name[name]
 
 
@@ -588,7 +588,7 @@ def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals:
-            raise SettingsError(f"got {text!r}, expected NAME=VALUE")
+            raise SettingsError(f"got {shortened(text)}, expected NAME=VALUE")
         setting = declared_setting(name.strip())
         values[setting.name] = setting.parsed(value.strip())
     return values

@@ -16,6 +16,7 @@ from msg_utils.cloud_layout import (
     read_only_bytes,
 )
 from msg_utils.errors import MessageError, checked_integer, describe
+from msg_utils.no_returns import no_returns
 from msg_utils.point_fields import FieldLayout, datatype_of, fields_end, point_dtype
 
 _XYZ: Final = ("x", "y", "z")
@@ -35,15 +36,16 @@ def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
 
 
 def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Copies the positions of all finite points.
+    """Copies the positions of all points that were measured.
 
     Coordinates must be FLOAT32 or FLOAT64: integers have no unit in the message. A cloud without
     points needs no fields.
 
     Returns:
         xyz: (N, 3) float32, metres, native byte order, C-contiguous, of its own memory. Points row
-            by row, without those of which x, y or z is NaN, infinite or beyond float32.
-        finite: (height * width,) bool, True for the N points of `xyz`: the mask of all columns.
+            by row, without those of which x, y or z is NaN, infinite or beyond float32, and without
+            `no_returns`.
+        measured: (height * width,) bool, True for the N points of `xyz`: the mask of all columns.
 
     Raises:
         MessageError: The cloud cannot be decoded, or has no x, y or z of a floating point type.
@@ -58,12 +60,17 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
     with np.errstate(all="ignore"):
         for axis, name in enumerate(_XYZ):
             grid[..., axis] = points[name]
-    xyz = grid.reshape(-1, 3)
+    xyz: npt.NDArray[np.float32] = grid.reshape(-1, 3)
     # Several times faster than `np.isfinite(xyz).all(axis=1)` and `xyz[finite]`.
-    finite = np.isfinite(xyz[:, 0])
-    finite &= np.isfinite(xyz[:, 1])
-    finite &= np.isfinite(xyz[:, 2])
-    return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
+    measured = np.isfinite(xyz[:, 0])
+    measured &= np.isfinite(xyz[:, 1])
+    measured &= np.isfinite(xyz[:, 2])
+    if not measured.all():
+        xyz = np.compress(measured, xyz, axis=0)
+    if (none := no_returns(xyz)).any():
+        measured[np.flatnonzero(measured)[none]] = False
+        xyz = np.compress(~none, xyz, axis=0)
+    return xyz, measured
 
 
 def encode_with_columns(

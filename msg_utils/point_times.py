@@ -32,6 +32,14 @@ _LONGEST_S: Final = 2.0
 _MIN_BYTES: Final = 4
 # Units of the rule `auto`, by the kind of the numbers.
 _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "ns")}
+# A value is no time of the sweep if it is away from most others, which are all but these shares of
+# the lowest and highest, by more than twice their span. A sample of the values tells.
+_FEW: Final = 0.05
+_MAX_AWAY: Final = 2.0
+_NUM_SAMPLES: Final = 2000
+# Floats from 0 to about 1 are shares of the interval if that is far from 1 s. Those that span this
+# share of it in milliseconds are such.
+_SHARES: Final = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +47,8 @@ class PointTimes:
     """Times of the points of a cloud.
 
     Attributes:
-        times_s: (N,) float32, seconds after the stamp of the cloud, negative before it; None if
-            unknown.
+        times_s: (N,) float32, seconds after the stamp of the cloud, negative before it; NaN for the
+            few points whose values are far from all others or not finite; None if unknown.
         source: Description of field, unit and stamp, the same for similar clouds; `none`.
         fault: Fault of the times in the cloud; empty without a fault or without times.
     """
@@ -55,12 +63,16 @@ class _UnfitError(ValueError):
 
 
 def decode_times(
-    cloud: PointCloudLike, wanted: npt.NDArray[np.bool_], stamp_ns: int, rule: TimeRuleLike
+    cloud: PointCloudLike,
+    wanted: npt.NDArray[np.bool_],
+    stamp_ns: int,
+    rule: TimeRuleLike,
+    interval_s: float,
 ) -> PointTimes:
     """Reads the times of the wanted points (height * width,) of a cloud of this stamp.
 
     Unfit times are a fault of the result, not an error. `auto` of the rule is decided by type, name
-    and values of the fields.
+    and values of the fields, and by the interval of the clouds.
 
     Raises:
         MessageError: The cloud cannot be decoded.
@@ -76,7 +88,7 @@ def decode_times(
     for name in names:
         if name in present:
             try:
-                return _times_of(name, points[name], wanted, stamp_ns, rule)
+                return _times_of(name, points[name], wanted, stamp_ns, rule, interval_s)
             except _UnfitError as error:
                 faults.append(f"field {describe(name)}: {error}")
     return PointTimes(None, fault="; ".join(faults))
@@ -88,6 +100,7 @@ def _times_of(
     wanted: npt.NDArray[np.bool_],
     stamp_ns: int,
     rule: TimeRuleLike,
+    interval_s: float,
 ) -> PointTimes:
     scalar = column.dtype
     if column.ndim > 1:
@@ -95,30 +108,68 @@ def _times_of(
     if rule.field == AUTO and scalar.itemsize < _MIN_BYTES:
         raise _UnfitError(f"is of type {scalar}, expected at least {8 * _MIN_BYTES} bits")
     values = np.compress(wanted, column).astype(np.float64)
-    if not np.isfinite(values).all():
-        raise _UnfitError(f"{np.count_nonzero(~np.isfinite(values)):,} values are not finite")
-    first, last = float(values.min()), float(values.max())
-    unit = _unit(first, last, scalar.kind) if rule.unit == AUTO else rule.unit
-    span_s = (last - first) * UNITS_S[unit]
+    first, last = _without_the_lost(values, scalar)
+    unit, unit_s = _unit(first, last, scalar.kind, interval_s, rule)
+    span_s = (last - first) * unit_s
     if not _SHORTEST_S <= span_s < _LONGEST_S:
         raise _UnfitError(
             f"values from {first:g} to {last:g} {unit} are no sweep of {_SHORTEST_S:g} to "
             f"{_LONGEST_S:g} s"
         )
-    zero, meaning = _zero(first, last, stamp_ns / (NANOSECONDS_PER_SECOND * UNITS_S[unit]), rule)
+    zero, meaning = _zero(first, last, stamp_ns / (NANOSECONDS_PER_SECOND * unit_s), rule)
     values -= zero
-    values *= UNITS_S[unit]
+    values *= unit_s
     source = f"field {describe(name)} ({scalar.name}, {unit}, {meaning})"
     return PointTimes(values.astype(np.float32), source)
 
 
-def _unit(first: float, last: float, kind: str) -> str:
-    """Returns the unit in which the values span a sweep."""
+def _without_the_lost(
+    values: npt.NDArray[np.float64], scalar: np.dtype[Any]
+) -> tuple[float, float]:
+    """Makes values that are no times of the sweep NaN; returns the first and the last time."""
+    low, high = _most(values)
+    wrap = 2.0 ** (8 * scalar.itemsize)
+    if scalar.kind == "u" and values.max() - low > wrap / 2:
+        # Numbers below 0 have become the largest ones.
+        values -= wrap * np.round((values - low) / wrap)
+        low, high = _most(values)
+    away = _MAX_AWAY * (high - low)
+    earliest, latest = low - away, high + away
+    if not (earliest <= values.min() and values.max() <= latest):  # or NaN
+        is_lost = ~((values >= earliest) & (values <= latest))
+        if (num_lost := int(np.count_nonzero(is_lost))) > 2 * _FEW * len(values):
+            raise _UnfitError(f"{num_lost:,} values are not finite or far from the others")
+        values[is_lost] = np.nan
+        return float(np.nanmin(values)), float(np.nanmax(values))
+    return float(values.min()), float(values.max())
+
+
+def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """Returns the lowest and highest value without a few of each."""
+    sample = values[:: max(1, len(values) // _NUM_SAMPLES)]
+    sample = np.sort(sample[np.isfinite(sample)])
+    if not len(sample):
+        raise _UnfitError("no value is finite")
+    few = int(_FEW * len(sample))
+    return float(sample[few]), float(sample[-1 - few])
+
+
+def _unit(
+    first: float, last: float, kind: str, interval_s: float, rule: TimeRuleLike
+) -> tuple[str, float]:
+    """Returns the unit in which the values span a sweep, and its seconds."""
+    if rule.unit != AUTO:
+        return rule.unit, UNITS_S[rule.unit]
     if first == last:
         raise _UnfitError(f"all values are {first:g}")
+    span = last - first
+    if kind == "f" and first >= 0 and last <= 1 and span >= max(_SHARES, 2 * interval_s):
+        return "shares of the interval", interval_s
     for unit in _USUAL_UNITS[kind]:
-        if _SHORTEST_S <= (last - first) * UNITS_S[unit] < _LONGEST_S:
-            return unit
+        if _SHORTEST_S <= span * UNITS_S[unit] < _LONGEST_S:
+            return unit, UNITS_S[unit]
+    if _SHARES * interval_s <= span * UNITS_S["ms"] <= interval_s / _SHARES:
+        return "ms", UNITS_S["ms"]
     units = ", ".join(_USUAL_UNITS[kind])
     raise _UnfitError(f"values from {first:g} to {last:g} span no sweep in any of {units}")
 

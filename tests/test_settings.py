@@ -76,6 +76,14 @@ def test_values_that_are_refused(name, values, expected):
         assert isinstance(refusal.value, ValueError)
 
 
+def test_refusals_do_not_repeat_a_large_value():
+    large = "x" * 1_000_000
+    for changes in ({"fusion.kind": large}, {"crop.max_range_m": [large] * 9}, {large: 1}):
+        with pytest.raises(SettingsError) as refusal:
+            Settings().changed(changes)
+        assert len(str(refusal.value)) < 5000
+
+
 def test_unknown_names():
     with pytest.raises(
         SettingsError, match=r"^unknown setting 'crop\.max_rang_m'; did you mean .*"

@@ -59,7 +59,7 @@ def add_evaluate(arguments: Arguments) -> str:
     topics.points()
     topics.value(
         "--odometry TOPIC",
-        "sensor poses, for the method ego, and for other methods with "
+        "sensor poses (Odometry or /tf), for the method ego, and for other methods with "
         "--set ego_motion.source=odometry (default: /truth/odometry if present)",
     )
     what = arguments.group("methods and points")

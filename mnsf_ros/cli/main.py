@@ -50,6 +50,8 @@ _WITHOUT_LIMIT = ("simulate", "parameters")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+_met: list[int] = []
+
 EXIT_USAGE = 2
 EXIT_MEMORY = 3
 EXIT_INTERRUPTED = 130
@@ -86,13 +88,14 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Runs a subcommand and returns the exit status."""
     hint = ""
+    _met.clear()
     try:
         options = _parsed(sys.argv[1:] if arguments is None else arguments)
         with limited_memory(getattr(options, "max_memory", math.inf)) as hint:
             return options.run(options) or 0
     except (Exception, KeyboardInterrupt) as error:
-        # A library that a signal meets in its start makes it an error.
-        if is_caused_by(error, KeyboardInterrupt):
+        # A library that a signal meets makes it another error, some without naming the cause.
+        if _met or is_caused_by(error, KeyboardInterrupt):
             complain("interrupted")
             return EXIT_INTERRUPTED
         if is_caused_by(error, MemoryError):
@@ -158,8 +161,9 @@ def _print_any_text() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
+def _interrupt(number: int, _frame: FrameType | None) -> None:
     """Makes any signal a Ctrl-C: child processes are ended, half-written files removed."""
+    _met.append(number)
     raise KeyboardInterrupt
 
 

@@ -62,6 +62,9 @@ def add_convert(arguments: Arguments) -> str:
         "--box-margin M", "enlarge boxes by M metres in each dimension", default=margin_m
     )
     arguments.flag("--unlabelled-static", "treat unlabelled points as static instead of as unknown")
+    arguments.flag(
+        "--official-labels", "points belong to boxes as in the official labels of Argoverse 2"
+    )
     formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
     return f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md"
 
@@ -69,7 +72,7 @@ def add_convert(arguments: Arguments) -> str:
 def run_convert(options: argparse.Namespace) -> None:
     """Writes a sequence of a data set."""
     check_target(options.out, overwrite=options.force)
-    settings = TruthSettings(options.box_margin, options.unlabelled_static)
+    settings = TruthSettings(options.box_margin, options.unlabelled_static, options.official_labels)
     source = open_source(options.format, options.source, options.sequence)
     source = source.part(options.first, options.count)
     console = Console()

@@ -24,6 +24,7 @@ from mnsf_ros.sweeps_io.files import (
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
 _POSE: Final = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
+_NUM_POINTS: Final = "num_interior_pts"
 _SIZE: Final = ("length_m", "width_m", "height_m")
 ARGOVERSE2: Final = classes_of(
     car="REGULAR_VEHICLE",
@@ -91,7 +92,9 @@ def _read_poses(path: Path) -> dict[int, NDArray[np.float64]]:
 
 
 def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
-    columns = read_feather(path, ["timestamp_ns", "track_uuid", "category", *_SIZE, *_POSE])
+    columns = read_feather(
+        path, ["timestamp_ns", "track_uuid", "category", _NUM_POINTS, *_SIZE, *_POSE]
+    )
     boxes: dict[int, tuple[Box, ...]] = defaultdict(tuple)
     for number, stamp_ns in enumerate(columns["timestamp_ns"].tolist()):
         row = {name: column[number] for name, column in columns.items()}
@@ -101,6 +104,7 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
                 size_m=np.array([row[name] for name in _SIZE], dtype=np.float64),
                 class_id=ARGOVERSE2.get(str(row["category"]), 0),
                 track_id=str(row["track_uuid"]),
+                hidden=row[_NUM_POINTS] == 0,
             )
         boxes[stamp_ns] += (box,)
     return boxes

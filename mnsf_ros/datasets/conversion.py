@@ -31,13 +31,17 @@ class Format(NamedTuple):
     has_sequences: bool = False
 
 
+_NOT_RUN: Final = " (not run on foreign files)"
+
 FORMATS: Final[Mapping[str, Format]] = {
     "kitti": Format(open_drive, "KITTI raw: folder of a drive, …_sync"),
     "argoverse2": Format(argoverse2.open_log, "Argoverse 2 sensor: folder of a log"),
-    "argoverse1": Format(argoverse1.open_log, "Argoverse 1 tracking: folder of a log"),
-    "waymo": Format(open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …", True),
+    "argoverse1": Format(argoverse1.open_log, f"Argoverse 1 tracking: folder of a log{_NOT_RUN}"),
+    "waymo": Format(
+        open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …" + _NOT_RUN, True
+    ),
     "nuscenes": Format(open_scene, "nuScenes: folder with sweeps, samples, v1.0-…", True),
-    "opensceneflow": Format(open_file, "OpenSceneFlow: .h5 file"),
+    "opensceneflow": Format(open_file, f"OpenSceneFlow: .h5 file{_NOT_RUN}"),
     "triplets": Format(
         open_triplets, "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
     ),

@@ -15,7 +15,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 
 @dataclass(frozen=True, eq=False)
 class ExportedSweep:
-    """A recorded sweep of N finite points, and their flow until the next sweep, with ego motion.
+    """A recorded sweep of N measured points, and their flow until the next sweep, with ego motion.
 
     Attributes:
         sweep: The sweep; its `source` has the rows of its points in the recorded cloud.

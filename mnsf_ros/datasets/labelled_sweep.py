@@ -36,7 +36,7 @@ class Box:
         size_m: (3,) length, width and height in metres.
         class_id: Class of the surface, see `docs/recordings.md`.
         track_id: Name of the object in all sweeps; None if its motion is unknown.
-        hidden: Whether the object was fully occluded: points in the box are not its own.
+        hidden: Whether no point is of the object, as where it was fully occluded.
 
     Raises:
         ValueError: The pose is not a rigid motion, a size is not above 0, or the track has another

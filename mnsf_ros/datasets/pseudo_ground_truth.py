@@ -3,8 +3,9 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
 from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.ground_surface import ground_mask
 
+_OFFICIAL_GROWTH_M = np.array([0.2, 0.2, 0.0])
+
 
 @dataclass(frozen=True)
 class TruthSettings:
@@ -25,10 +28,14 @@ class TruthSettings:
         box_margin_m: Growth of the boxes in length, width and height, metres. The default is that
             of the data sets prepared for NSFP, FNSF and MNSF.
         unlabelled_static: Whether points outside the labelled area are static instead of unknown.
+        official: Whether points belong to boxes as in the official labels of Argoverse 2 (av2-api
+            01e6d958, `Flow.from_sweep_pair`) instead, see `official_box_of_points`; the flow to a
+            hidden box is unknown.
     """
 
     box_margin_m: float = 0.6
     unlabelled_static: bool = False
+    official: bool = False
 
 
 def sweep_truth(
@@ -36,7 +43,13 @@ def sweep_truth(
 ) -> FlowTruth:
     """Returns the truth of every point until the following sweep; without one, no flow is valid."""
     ground, boxes = _ground_of(sweep), sweep.boxes or ()
-    owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
+    if settings.official:
+        owner = official_box_of_points(sweep.xyz, boxes)
+        if following is not None:
+            seen = (box for box in following.boxes or () if not box.hidden)
+            following = replace(following, boxes=tuple(seen))
+    else:
+        owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
     class_id = sweep.class_id
     if class_id is None:
         class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
@@ -67,20 +80,40 @@ def box_of_points(
     """
     owner = np.full(len(xyz), -1, dtype=np.int64)
     overshoot = np.full(len(xyz), np.inf)
+    for number, rows, local in _points_near(xyz, boxes, margin_m):
+        outside = (np.abs(local) - boxes[number].size_m / 2).max(axis=1)
+        allowed = np.where(ground[rows], 0.0, margin_m / 2)
+        mine = (outside <= allowed) & (outside < overshoot[rows])
+        owner[rows[mine]] = number
+        overshoot[rows[mine]] = outside[mine]
+    return owner
+
+
+def official_box_of_points(xyz: NDArray[np.float32], boxes: Sequence[Box]) -> NDArray[np.int64]:
+    """Returns (N,) the index of the last box with each point (N, 3), -1 for none.
+
+    Boxes grow by 0.2 m in length and width, not in height; ground inside belongs to them, too.
+    """
+    owner = np.full(len(xyz), -1, dtype=np.int64)
+    for number, rows, local in _points_near(xyz, boxes, _OFFICIAL_GROWTH_M[0]):
+        limits = (boxes[number].size_m + _OFFICIAL_GROWTH_M) / 2
+        owner[rows[(np.abs(local) <= limits).all(axis=1)]] = number
+    return owner
+
+
+def _points_near(
+    xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float
+) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.floating[Any]]]]:
+    """Index of each box that is not hidden, points around it, and these (M, 3) in its frame."""
     x, y = np.ascontiguousarray(xyz[:, 0]), np.ascontiguousarray(xyz[:, 1])
     for number, box in enumerate(boxes):
         if box.hidden:
             continue
         reach = float(np.linalg.norm(box.size_m + margin_m)) / 2
         near = (np.abs(x - box.pose[0, 3]) <= reach) & (np.abs(y - box.pose[1, 3]) <= reach)
-        rows = np.flatnonzero(near)
-        local = apply(invert(box.pose), xyz[rows].astype(np.float64))
-        outside = (np.abs(local) - box.size_m / 2).max(axis=1)
-        allowed = np.where(ground[rows], 0.0, margin_m / 2)
-        mine = (outside <= allowed) & (outside < overshoot[rows])
-        owner[rows[mine]] = number
-        overshoot[rows[mine]] = outside[mine]
-    return owner
+        rows: NDArray[np.int64] = np.flatnonzero(near)
+        local: NDArray[np.floating[Any]] = apply(invert(box.pose), xyz[rows].astype(np.float64))
+        yield number, rows, local
 
 
 def _motion(

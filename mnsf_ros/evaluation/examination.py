@@ -80,7 +80,7 @@ def _poses(
 ) -> PoseTrack:
     if recording.odometry is None:
         return PoseTrack()
-    recorded = recorded_poses(reader, recording.odometry, findings)
+    recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
     return PoseTrack(recorded, sensor_mount(settings.ego_motion))
 
 

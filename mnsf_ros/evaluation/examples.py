@@ -33,7 +33,7 @@ class Example:
     Attributes:
         recording: Name of the recording.
         number: Index of the current sweep in the recording, counted from 0.
-        triplet: The sweeps as every method gets them: all finite points, as in the live node.
+        triplet: The sweeps as every method gets them: all measured points, as in the live node.
             `kept` of each sweep says which of them count, see `kept_points`.
         truth: True flow of all points of the current sweep, row for row; None if unknown.
     """
@@ -65,7 +65,7 @@ def read_examples(
             clouds = truth_clouds(reader, recording.truth, findings)
             truth = TruthTrack(clouds, findings, str(reader.path))
         if recording.odometry is not None:
-            recorded = recorded_poses(reader, recording.odometry, findings)
+            recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
             poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
@@ -121,7 +121,7 @@ class ExampleBuilder:
     def examples(self, sweeps: Iterable[Sweep | None]) -> Iterator[Example]:
         """Yields the examples of a recording.
 
-        Sweeps hold all finite points and a CloudRows as `source`; None stands where some may be
+        Sweeps hold all measured points and a CloudRows as `source`; None stands where some may be
         missing.
         """
         for sweep in sweeps:

@@ -19,14 +19,15 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_track import StampedPose
-from mnsf_ros.geometry.transforms import pose_matrix
+from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import TF_TYPE
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -48,6 +49,7 @@ class Event(str, Enum):
         "sweeps whose times per point cannot be read; they count as taken in one moment "
         "(time.field, time.unit)"
     )
+    POINTS_UNTIMED = "points whose time is not of their sweep, left out"
     SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
     SWEEPS_WITHOUT_POSE = "sweeps without odometry"
     DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
@@ -119,23 +121,25 @@ def recorded_sweeps(
             yield None
             continue
         cloud: CloudSource = sweep.source
-        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
+        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
         yield replace(sweep, source=source)
 
 
 def recorded_clouds(
     reader: BagReader, topic: str, settings: TimeSettings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the finite points of each sweep of a topic as received, `source` a CloudSource.
+    """Yields the measured points of each sweep of a topic as received, `source` a CloudSource.
 
     None marks a gap; findings collect damage.
     """
+    clouds = CloudReader()
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
-        sweep = sweep_from_message(message, settings, received_ns)
+        sweep = clouds.sweep(message, settings, received_ns)
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
+        findings.count(Event.POINTS_UNTIMED, cloud.num_untimed)
         if findings.input_check is not None:
             findings.input_check.add(sweep)
         return sweep
@@ -144,28 +148,45 @@ def recorded_clouds(
 
 
 def recorded_poses(
-    reader: BagReader, topic: str, findings: Findings
+    reader: BagReader, topic: str, fixed_frame: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
-    """Yields the poses of an odometry topic as received, None for a gap."""
+    """Yields the poses of an odometry topic as received, None for a gap.
+
+    Of a topic of transforms they are those of the first frame that moves in the fixed frame.
+    """
+    child = ""
 
     def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
         stamp_ns = decode_stamp(message.header.stamp)
         return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
 
+    def transform_of(message: Any, _: int) -> StampedPose | None:  # noqa: ANN401 - a TFMessage
+        nonlocal child
+        for one in message.transforms:
+            names = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
+            if names[0] == fixed_frame and names[1] == (child or names[1]):
+                child = names[1]
+                return StampedPose(
+                    decode_stamp(one.header.stamp), transform_matrix(one.transform), child
+                )
+        return None
+
+    if reader.topics[topic].msgtype == TF_TYPE:
+        return _decoded(reader, topic, findings, transform_of)
     return _decoded(reader, topic, findings, pose_of)
 
 
 def _decoded(
-    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
+    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item | None]
 ) -> Iterator[Item | None]:
     """Decoded messages in the order of their stamps, see `_in_stamp_order`; None for damage."""
     return _in_stamp_order(_as_received(reader, topic, findings, decode))
 
 
 def _as_received(
-    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
+    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item | None]
 ) -> Iterator[Item | None]:
-    """Decoded messages in the order of the recording, None for damage."""
+    """Decoded messages in the order of the recording, without those of None; None for damage."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             if item.is_memory:
@@ -181,7 +202,8 @@ def _as_received(
             findings.report(Damage(str(reader.path), where, str(error)))
             yield None
             continue
-        yield decoded
+        if decoded is not None:
+            yield decoded
 
 
 def _in_stamp_order(items: Iterator[Item | None]) -> Iterator[Item | None]:

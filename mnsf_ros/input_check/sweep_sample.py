@@ -28,14 +28,12 @@ class SweepSample:
         rows: (K,) their numbers.
         xyz: (K, 3) float64, metres, frame of the sensor.
         ranges: (K,) metres from the origin.
-        zero_share: Share of the points of the sweep that are exactly (0, 0, 0).
     """
 
     sweep: Sweep
     rows: NDArray[np.int64]
     xyz: NDArray[np.float64]
     ranges: NDArray[np.float64]
-    zero_share: float
 
     @classmethod
     def of(cls, sweep: Sweep) -> "SweepSample":
@@ -49,8 +47,7 @@ class SweepSample:
         xyz = sweep.xyz[rows].astype(np.float64)
         ranges = np.linalg.norm(xyz, axis=1)
         measured = ranges > 0
-        share = float(np.mean(~measured)) if len(rows) else 0.0
-        return cls(sweep, rows[measured], xyz[measured], ranges[measured], share)
+        return cls(sweep, rows[measured], xyz[measured], ranges[measured])
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource
@@ -88,7 +85,7 @@ class SweepSample:
         names = [name for name in ("ring", "channel") if name in (points.dtype.names or ())]
         if not names or points.dtype[names[0]].kind not in "iu":
             return None
-        return np.compress(self.cloud.finite, points[names[0]])
+        return np.compress(self.cloud.measured, points[names[0]])
 
 
 @dataclass(frozen=True, eq=False)

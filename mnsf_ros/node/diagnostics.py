@@ -43,7 +43,7 @@ _REASONS: Final = {
     "sweeps_time_went_back": "stamps jump back again and again",
     "sweeps_gap": "sweeps are more than buffer.max_interval_s apart",
     CLOUDS_UNDECODABLE: "clouds cannot be decoded",
-    CLOUDS_EMPTY: "clouds have no finite point",
+    CLOUDS_EMPTY: "clouds have no measured point",
     ESTIMATES_FAILED: "every estimate fails",
     TRIPLETS_DROPPED: "the estimate under way takes too long",
 }
@@ -70,6 +70,7 @@ class InputState:
     times: str = ""  # origin of the time of each point
     pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
+    num_namesakes: int = 0  # other nodes of the same name
 
 
 class _Moment(NamedTuple):
@@ -161,13 +162,18 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         new, last_s = self._new, snapshot.last_s.get(SWEEPS_RECEIVED, -math.inf)
         lost = f"clouds are lost in transport (see {SWEEPS_LOST})"
+        namesakes = f"{state.num_namesakes + 1} nodes have the name {self._node_name}"
+        if state.num_namesakes:
+            text = f"{namesakes}, and publish on the same topics; set name:= or namespace:="
+            self._faults.warn("namesakes", text)
         level, message = _first(
             (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),
             (new[SWEEPS_LOST], _WARN, lost),
             (new[CLOUDS_UNDECODABLE], _WARN, "clouds that cannot be decoded"),
-            (new[CLOUDS_EMPTY], _WARN, "clouds without a finite point"),
+            (new[CLOUDS_EMPTY], _WARN, "clouds without a measured point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
+            (state.num_namesakes, _WARN, namesakes),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
         )

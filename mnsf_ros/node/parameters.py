@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from mnsf_ros.core.compute_device import node_threads
-from mnsf_ros.errors import SettingsError, did_you_mean
+from mnsf_ros.errors import SettingsError, did_you_mean, shortened
 from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_settings
 
@@ -32,7 +32,7 @@ class UnknownParameterError(ParameterNotDeclaredException):
 
     def __init__(self, name: str) -> None:
         hint = did_you_mean(name, (setting.name for setting in declared_settings()))
-        Exception.__init__(self, f"unknown parameter {name!r}{hint}")
+        Exception.__init__(self, f"unknown parameter {shortened(name)}{hint}")
 
 
 class NodeParameters:

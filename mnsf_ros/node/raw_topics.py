@@ -4,8 +4,11 @@
 import importlib
 import inspect
 import re
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 import rclpy
@@ -25,6 +28,7 @@ _CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 _OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
 # Nodes need a while to find each other; one more cloud may turn up until then.
 _SEARCH_S: Final = 3.0
+_MAX_SPIN_S: Final = 0.1  # until a Ctrl-C is answered
 
 Self = TypeVar("Self", bound="RawTopics")
 
@@ -115,7 +119,24 @@ class RawTopics:
         """Handles the messages that arrive within a duration."""
         deadline_s = time.monotonic() + duration_s
         while (left_s := deadline_s - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left_s)
+            with _interrupted_after():
+                self._executor.spin_once(timeout_sec=min(left_s, _MAX_SPIN_S))
+
+
+@contextmanager
+def _interrupted_after() -> Iterator[None]:
+    """Keeps a Ctrl-C back until the end of the block: rclpy makes it an error of another kind."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    met: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: met.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if met:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _qos(is_latched: bool = False) -> QoSProfile:

@@ -20,7 +20,7 @@ from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import Transforms
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
@@ -156,22 +156,25 @@ class InputSubscription:
 
 
 def decoded(
-    message: PointCloud2, settings: TimeSettings, now_ns: int, report: Report
+    clouds: CloudReader, message: PointCloud2, settings: TimeSettings, now_ns: int, report: Report
 ) -> Sweep | None:
     """Returns the sweep of a cloud; None if it cannot be decoded or has no points, as reported."""
     try:
-        sweep = sweep_from_message(message, settings, now_ns)
+        sweep = clouds.sweep(message, settings, now_ns)
     except MessageError as error:
         report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
         return None
     if not sweep.source.is_stamped:
         report("clouds_without_stamp", "a cloud has no stamp; its time of arrival is used")
     if len(sweep) == 0:
-        report(CLOUDS_EMPTY, "a cloud without a finite point is skipped")
+        report(CLOUDS_EMPTY, "a cloud without a measured point is skipped")
         return None
     if fault := sweep.source.times.fault:
         text = f"the times of points are not used: {fault}"
         report("clouds_without_usable_times", text)
+    if num_untimed := sweep.source.num_untimed:
+        text = "points are left out whose time is far from that of all others in their cloud"
+        report("points_without_usable_time", text, num_untimed)
     return sweep
 
 

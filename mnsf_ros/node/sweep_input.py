@@ -21,6 +21,7 @@ from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription,
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroup, LidarGroups, merged_sweep
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
@@ -70,6 +71,7 @@ class SweepInput:
         )
         self._timer.cancel()
         count = settings.lidars.count
+        self._clouds = [CloudReader() for _ in range(count)]
         self._subscriptions = [self._subscribed(index) for index in range(count)]
         topics = tuple(subscription.topic for subscription in self._subscriptions)
         self._merging = LidarMerging(topics, report) if count > 1 else None
@@ -77,6 +79,7 @@ class SweepInput:
     @property
     def state(self) -> InputState:
         """Input state for diagnostics."""
+        own = self._node.get_name(), self._node.get_namespace()
         return InputState(
             ", ".join(subscription.topic for subscription in self._subscriptions),
             self._subscriptions[0].reliability,
@@ -84,6 +87,7 @@ class SweepInput:
             self._times_source,
             self.pause,
             () if self._merging is None else self._merging.missing,
+            self._node.get_node_names_and_namespaces().count(own) - 1,
         )
 
     def refresh(self) -> None:
@@ -129,7 +133,7 @@ class SweepInput:
             return
         arrived_ns = time.monotonic_ns()
         now_ns = self._node.get_clock().now().nanoseconds
-        sweep = decoded(message, self._settings.time, now_ns, self._report)
+        sweep = decoded(self._clouds[index], message, self._settings.time, now_ns, self._report)
         if sweep is None:
             return
         self._times_source = sweep.source.times.source

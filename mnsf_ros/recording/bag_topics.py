@@ -19,6 +19,7 @@ TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
+TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
 
 # Serialization of ROS 2; Foxglove and others store more kinds in mcap.
 CDR: Final = "cdr"
@@ -90,6 +91,8 @@ def used_topics(
 ) -> UsedTopics:
     """Returns the named topics, else the usual ones; points may also be the only clouds.
 
+    The odometry may be a topic of transforms.
+
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.
     """
@@ -100,7 +103,7 @@ def used_topics(
     truth = usual(TRUTH_FLOW_TOPIC, CLOUD_TYPE)
     if odometry is None:
         odometry = usual(TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
-    else:
+    elif known_topic(path, topics, odometry).msgtype != TF_TYPE:
         find_topic(path, topics, odometry, ODOMETRY_TYPE)
     if truth is not None:
         points = points or usual(POINTS_TOPIC, CLOUD_TYPE)

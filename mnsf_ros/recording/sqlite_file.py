@@ -59,7 +59,7 @@ class SqliteFile(StorageFile):
 def _opened(path: Path) -> Iterator[apsw.Connection]:
     # SQLite makes no file beside it. In an immutable file it would ignore a write-ahead log, which
     # a recorder that was killed leaves.
-    options = "vfs=unix-none" if _has_content(path.resolve(), "-wal") else "immutable=1"
+    options = "vfs=unix-none" if _has_content(path, "-wal") else "immutable=1"
     uri = f"file:{quote(str(path.resolve()), errors='surrogateescape')}?{options}"
     database = apsw.Connection(uri, flags=apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI)
     try:
@@ -77,7 +77,8 @@ def _opened(path: Path) -> Iterator[apsw.Connection]:
 
 
 def _has_content(path: Path, suffix: str) -> bool:
-    """Whether there is such a file, not empty, beside a database."""
+    """Whether there is such a file, not empty, beside a database; not beside a link to it."""
+    path = path.resolve()
     beside = path.with_name(path.name + suffix)
     return beside.is_file() and beside.stat().st_size > 0
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
-from mnsf_ros.simulation.routes import EgoMotion, Trip
+from mnsf_ros.simulation.routes import SensorTrip, Trip
 
 Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -151,7 +151,7 @@ class Body:
     """A model at rest at a (4, 4) `world_from_body`, on a trip, or fixed to the lidar."""
 
     model: Model
-    placement: FloatArray | Trip | EgoMotion
+    placement: FloatArray | Trip | SensorTrip
 
     @property
     def trip(self) -> Trip | None:
@@ -162,6 +162,6 @@ class Body:
         """Returns the (4, 4) pose at a time in seconds."""
         if isinstance(self.placement, Trip):
             return self.placement.pose(time_s)
-        if isinstance(self.placement, EgoMotion):
+        if isinstance(self.placement, SensorTrip):
             return self.placement.world_from_sensor(time_s)
         return self.placement

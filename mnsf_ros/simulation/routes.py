@@ -142,7 +142,7 @@ class Trip:
 
 
 @dataclass(frozen=True)
-class EgoMotion:
+class SensorTrip:
     """The trip of the sensor, with its mounting and the sway of the vehicle.
 
     The rows of `sway` (3, 3) are pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.

@@ -22,8 +22,8 @@ from mnsf_ros.simulation.routes import (
     EGO_WIDTH_M,
     LEVEL,
     Clearance,
-    EgoMotion,
     Route,
+    SensorTrip,
     Slope,
     SpeedProfile,
     Trip,
@@ -68,7 +68,7 @@ _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
 @dataclass(frozen=True)
-class Scene:
+class StreetScene:
     """Street, everything on it, and the vehicle with its lidar.
 
     `wetness` of all surfaces is 0 to 1; `text` says in a line what was drawn.
@@ -76,13 +76,13 @@ class Scene:
 
     street: Street
     bodies: tuple[Body, ...]
-    ego: EgoMotion
+    ego: SensorTrip
     sensor: Sensor
     text: str
     wetness: float = 0.0
 
 
-def build_scene(settings: SimulationSettings) -> Scene:
+def build_scene(settings: SimulationSettings) -> StreetScene:
     """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: another lidar does not change the traffic.
     lidar, place, traffic, others = np.random.default_rng([settings.seed, 4]).spawn(4)
@@ -119,7 +119,7 @@ class _World:
         self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
         self._things = [*self._things_at_rest(rng), *self._conditions(draws)]
 
-    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
+    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> StreetScene:
         """Returns the scene with traffic drawn; `text` describes the lidar."""
         traffic = Traffic(
             self._scenario,
@@ -136,7 +136,7 @@ class _World:
         slope = f", slope {self._street.slope.grade:.0%}" if self._street.slope.grade else ""
         world = f"{self._place}{slope}; {self._ego_kind}, {self._speed_m_s:.1f} m/s; {counts}"
         everything = (*self._things, *chain(*(bodies for _, bodies in groups)))
-        return Scene(self._street, everything, self._ego, sensor, f"{text}; {world}")
+        return StreetScene(self._street, everything, self._ego, sensor, f"{text}; {world}")
 
     def _ground(self, rng: np.random.Generator) -> Street:
         wavelength_m = rng.uniform(60.0, 200.0)
@@ -159,7 +159,7 @@ class _World:
             slope = LEVEL
         return Street(bend, -90.0, end_x, crossings, half_width_m, slope)
 
-    def _moving_lidar(self, rng: np.random.Generator) -> EgoMotion:
+    def _moving_lidar(self, rng: np.random.Generator) -> SensorTrip:
         street, on_foot = self._street, self._ego_kind == "on foot"
         beside = on_foot and street.half_width_m < 10 and self._place != "tunnel"
         lateral = -street.half_width_m - 1.7 if beside and rng.uniform() < 0.6 else -LANE_LATERAL_M
@@ -172,7 +172,7 @@ class _World:
         height_m = rng.uniform(0.45, 1.3) if on_foot else rng.uniform(1.5, 2.4)
         spread = 0.08 if rng.uniform() < 0.2 else 0.015
         mounting = (rng.normal(0.0, spread), rng.normal(0.0, spread / 2), height_m)
-        return EgoMotion(Trip.starting_at(route, profile, at_m), sway, mounting)
+        return SensorTrip(Trip.starting_at(route, profile, at_m), sway, mounting)
 
     def _things_at_rest(self, rng: np.random.Generator) -> Iterator[Body]:
         """Yields everything at rest."""

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
@@ -13,6 +14,11 @@ from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
 _MAX_SPREAD: Final = 0.05
+# After lost packets some times are too early. Those of up to this share of the points of an azimuth
+# count as such, unless the lidar measured so early within 5 degrees beside it, as at the seam.
+_FEW: Final = 0.1
+_BESIDE: Final = NUM_AZIMUTHS * 5 // 360
+_NUM_PARTS: Final = 64  # of the sweep, in which times are counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +46,13 @@ class SweepClock:
             return None
         cells = azimuths_of(xyz)
         span_s = float(times_s.max()) - float(times_s.min())
-        first = np.full(NUM_AZIMUTHS, np.inf, np.float32)
+        first: NDArray[np.float32] = np.full(NUM_AZIMUTHS, np.inf, np.float32)
         np.minimum.at(first, cells, times_s)
+        first = np.maximum(first, _usual_first(cells, times_s))
         # What was measured later by half of the sweep is a second view.
         is_again = times_s > first[cells] + np.float32(span_s / 2)
-        own_cells, own_s = cells[~is_again], times_s[~is_again]
+        is_own = ~is_again & (times_s >= first[cells])
+        own_cells, own_s = cells[is_own], times_s[is_own]
         counts = np.bincount(own_cells, minlength=NUM_AZIMUTHS)
         means = np.bincount(own_cells, own_s, NUM_AZIMUTHS) / np.maximum(counts, 1)
         if np.abs(own_s - means[own_cells]).mean() > _MAX_SPREAD * span_s:
@@ -84,6 +92,18 @@ class SweepClock:
         nearest = PointGrid(moved).nearest(xyz[again])
         is_near = nearest >= 0
         return again[is_near], rows[nearest[is_near]]
+
+
+def _usual_first(cells: NDArray[np.int32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (720,) when the first points were measured around each azimuth, but for a few."""
+    start_s, span_s = float(times_s.min()), float(np.ptp(times_s))
+    parts = (times_s - start_s) * np.float32(_NUM_PARTS / (span_s or 1.0))
+    keys = cells * (_NUM_PARTS + 1) + parts.astype(np.int64)
+    counts = np.bincount(keys, minlength=NUM_AZIMUTHS * (_NUM_PARTS + 1))
+    sums = counts.reshape(NUM_AZIMUTHS, -1).cumsum(axis=1)
+    first = np.count_nonzero(sums <= _FEW * sums[:, -1:], axis=1)
+    earliest = minimum_filter1d(first, 2 * _BESIDE + 1, mode="wrap")
+    return (start_s + earliest * (span_s / _NUM_PARTS)).astype(np.float32)
 
 
 def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:

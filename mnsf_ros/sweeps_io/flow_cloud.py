@@ -1,7 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PointCloud2 to sweep, and flow to PointCloud2, for live and recorded messages."""
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
@@ -18,6 +19,8 @@ from msg_utils.point_times import PointTimes, decode_times
 from msg_utils.stamps import decode_stamp
 
 _CLASH_PREFIX: Final = "sensor_"
+# The interval is the median of these.
+_NUM_STAMPS: Final = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,31 +29,52 @@ class CloudSource:
 
     Attributes:
         message: A sensor_msgs/PointCloud2, or an object with its attributes.
-        finite: (height * width,) bool, the points of the message that are in the sweep.
+        measured: (height * width,) bool, the points of the message that are in the sweep.
         times: Times of these points.
         is_stamped: Whether the message has a stamp.
+        num_untimed: Points that were left out, because their time is not of the sweep.
     """
 
     message: Any
-    finite: NDArray[np.bool_]
+    measured: NDArray[np.bool_]
     times: PointTimes
     is_stamped: bool = True
+    num_untimed: int = 0
 
 
-def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
-    """Returns the finite points of a cloud, with a CloudSource as `source`.
+class CloudReader:
+    """Makes sweeps of the clouds of one lidar; remembers their stamps to know their interval."""
 
-    The stamp is `now_ns` if the message has none.
+    def __init__(self) -> None:
+        self._stamps_ns: deque[int] = deque(maxlen=_NUM_STAMPS)
 
-    Raises:
-        MessageError: If the message cannot be decoded.
-    """
-    xyz, finite = decode_xyz(message)
-    own_stamp_ns = decode_stamp(message.header.stamp)
-    stamp_ns = own_stamp_ns or now_ns
-    times = decode_times(message, finite, stamp_ns, settings)
-    source = CloudSource(message, finite, times, is_stamped=own_stamp_ns != 0)
-    return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
+    def sweep(self, message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
+        """Returns the measured points of a cloud, with a CloudSource as `source`.
+
+        The stamp is `now_ns` if the message has none. A few points without a usable time are left
+        out, where the others have one.
+
+        Raises:
+            MessageError: If the message cannot be decoded.
+        """
+        xyz, measured = decode_xyz(message)
+        own_stamp_ns = decode_stamp(message.header.stamp)
+        stamp_ns = own_stamp_ns or now_ns
+        self._stamps_ns.append(stamp_ns)
+        times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
+        num_untimed = 0
+        if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():
+            num_untimed = int(np.count_nonzero(~timed))
+            measured[measured] = timed
+            xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
+        source = CloudSource(message, measured, times, own_stamp_ns != 0, num_untimed)
+        return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
+
+    @property
+    def _interval_s(self) -> float:
+        """The usual interval; that of most lidars until the second cloud."""
+        interval_ns = float(np.median(np.diff(self._stamps_ns))) if len(self._stamps_ns) > 1 else 0
+        return interval_ns / NANOSECONDS if interval_ns > 0 else USUAL_INTERVAL_S
 
 
 def flow_cloud(
@@ -68,7 +92,7 @@ def flow_cloud(
     the sweep, the cloud has these only, in one row.
     """
     source: CloudSource = sweep.source
-    cloud, measured, xyz, rows = source.message, source.finite, sweep.xyz, None
+    cloud, measured, xyz, rows = source.message, source.measured, sweep.xyz, None
     shape = cloud.height, cloud.width
     if part is not None:
         chosen = np.flatnonzero(part)

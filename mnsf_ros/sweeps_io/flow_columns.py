@@ -24,7 +24,7 @@ class FlowColumn:
     Attributes:
         name: Name of the field in a cloud.
         dtype: Type of the values, one that a PointField can have.
-        missing: Value of points that are not finite, and of all points where the method has no
+        missing: Value of points that were not measured, and of all points where the method has no
             such values.
         values: From the estimate and the time to the next sweep in seconds to the values (N,) of
             the sweep's points; None where the method has none.

@@ -234,4 +234,4 @@ def _intensity(sweep: Sweep) -> NDArray[np.float32] | None:
     points = decode_points(source.message).reshape(-1)
     if "intensity" not in (points.dtype.names or ()) or points["intensity"].ndim != 1:
         return None
-    return np.compress(source.finite, points["intensity"]).astype(np.float32)
+    return np.compress(source.measured, points["intensity"]).astype(np.float32)

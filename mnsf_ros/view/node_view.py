@@ -211,8 +211,8 @@ class NodeView(PageView):
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> DrawnSweep:
     """The scene of the messages of one stamp; MessageError or ValueError for unusable ones."""
-    xyz, finite = decode_xyz(parts["/flow"])
-    points = decode_points(parts["/flow"]).ravel()[finite]
+    xyz, measured = decode_xyz(parts["/flow"])
+    points = decode_points(parts["/flow"]).ravel()[measured]
     colors = motion_colors(np.zeros_like(xyz), points["dynamic"] != 0)
     if COLOR_NAME in (points.dtype.names or ()):
         packed = np.ascontiguousarray(points[COLOR_NAME]).view(np.uint32)

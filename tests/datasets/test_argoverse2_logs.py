@@ -82,6 +82,16 @@ def test_a_log_without_annotations_has_no_valid_flow(tmp_path):
     assert not any(truth.valid.any() for truth in found.truth)
 
 
+def test_boxes_without_points_own_none(tmp_path):
+    path = write_log(tmp_path) / "annotations.feather"
+    table = feather.read_table(path)
+    place = table.column_names.index("num_interior_pts")
+    empty = table.set_column(place, "num_interior_pts", [[0] * len(table)])
+    path.write_bytes(feather_bytes(empty))
+    found = tiny_world.read(convert(path.parent, tmp_path / "out"))
+    assert not any(truth.class_id.any() for truth in found.truth)
+
+
 STAMP = tiny_world.stamp_ns(1)
 
 

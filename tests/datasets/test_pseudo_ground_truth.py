@@ -116,6 +116,29 @@ def test_a_box_in_a_box_gets_its_own_points():
         assert truth.class_id.tolist() == [7, 6, 7, 6]
 
 
+def test_official_boxes_are_longer_and_wider_and_own_their_ground():
+    first = Box(np.eye(4), np.array([4.0, 2.0, 1.0]), tiny_world.CAR, "first")
+    second = Box(tiny_world.pose(3, 0, 0, 0), first.size_m, tiny_world.PERSON, "second")
+    places = {
+        (0, 0, -0.49): tiny_world.CAR,
+        (0, 1.09, 0): tiny_world.CAR,
+        (-2.09, 0, 0): tiny_world.CAR,
+        (0, 0, 0.51): 0,
+        (0, 1.11, 0): 0,
+        (1.5, 0, 0): tiny_world.PERSON,  # in both, and as deep in either
+        (1.2, 0, 0): tiny_world.PERSON,  # deeper in the first one
+    }
+    xyz = np.array(list(places), np.float32)
+    boxes = (first, second)
+    sweep = LabelledSweep(0, xyz, pose=np.eye(4), boxes=boxes, ground=np.ones(len(xyz), bool))
+    truth = sweep_truth(sweep, replace(sweep, stamp_ns=1), TruthSettings(official=True))
+    assert truth.class_id.tolist() == list(places.values())
+    hidden = tuple(replace(box, hidden=box is first) for box in boxes)
+    following = replace(sweep, stamp_ns=1, boxes=hidden)
+    truth = sweep_truth(sweep, following, TruthSettings(official=True))
+    assert truth.valid.tolist() == [kind != tiny_world.CAR for kind in places.values()]
+
+
 def test_given_flow_is_kept_and_what_it_lacks_is_found():
     xyz, parts = tiny_world.sweep(0).xyz, part()
     flow = tiny_world.expected_flow(0, xyz, parts).astype(np.float32)

@@ -9,7 +9,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
-from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.point_cloud2 import decode_points, encode_columns
 
 NODE = "/scene_flow"
@@ -27,7 +27,8 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
     assert run(["estimate", str(street), "--out", str(out)]) == 0
     stream, settings = Stream(Settings()), Settings().time
     with BagReader(street) as reader:
-        sweeps = [sweep_from_message(one, settings, 0) for one in reader.messages("/points")]
+        clouds = CloudReader()
+        sweeps = [clouds.sweep(one, settings, 0) for one in reader.messages("/points")]
     wanted = {}
     for sweep in sweeps:
         if (estimate := stream.push(sweep)) is not None:

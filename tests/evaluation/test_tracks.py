@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import small_evaluations as small
 from bag_messages import cloud_cdr, cloud_message
+from rosbags.typesys.stores import ros2_jazzy as ros
 
 from mnsf_ros.evaluation.tracks import (
     Event,
@@ -18,9 +19,9 @@ from mnsf_ros.evaluation.tracks import (
     recorded_sweeps,
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.geometry.transforms import pose_quaternion, sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, TF_TYPE, jazzy, used_topics
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from msg_utils.point_cloud2 import encode_columns
@@ -55,7 +56,7 @@ def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     path = small.write_recording(tmp_path / "drive", 3)
     mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)
     with BagReader(path) as reader:
-        poses = list(recorded_poses(reader, "/truth/odometry", Findings()))
+        poses = list(recorded_poses(reader, "/truth/odometry", "odom", Findings()))
     track = PoseTrack(poses, sensor_mount(mount))
     of_sensor = [track.pose_at(small.stamp(index)) for index in range(3)]
     mounted = [[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]
@@ -186,6 +187,48 @@ def test_truth_that_does_not_fit_its_sweep_is_reported_and_not_used(message, tex
     assert text in damage
 
 
+def transforms(stamp_ns, *names):
+    """A tf2_msgs/TFMessage: the pose of the drive as each of (frame, child frame)."""
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    stamp = ros.builtin_interfaces__msg__Time(sec=sec, nanosec=nanosec)
+    pose = small.pose((stamp_ns - small.stamp(0)) // (small.stamp(1) - small.stamp(0)))
+    place = ros.geometry_msgs__msg__Vector3(*pose[:3, 3])
+    turn = ros.geometry_msgs__msg__Quaternion(*pose_quaternion(pose))
+    return ros.tf2_msgs__msg__TFMessage(
+        [
+            ros.geometry_msgs__msg__TransformStamped(
+                header=ros.std_msgs__msg__Header(stamp=stamp, frame_id=parent),
+                child_frame_id=child,
+                transform=ros.geometry_msgs__msg__Transform(translation=place, rotation=turn),
+            )
+            for parent, child in names
+        ]
+    )
+
+
+def test_poses_of_transforms_are_those_in_the_fixed_frame(tmp_path):
+    others = [("base_link", "wheel"), ("map", "odom")]
+    messages = [
+        transforms(small.stamp(0), *others, ("/odom", "base_link"), ("odom", "payload")),
+        transforms(small.stamp(1), *others),
+        transforms(small.stamp(2), ("odom", "payload"), ("odom", "base_link")),
+    ]
+    with BagWriter(tmp_path / "drive") as writer:
+        for index, message in enumerate(messages):
+            raw = jazzy().serialize_cdr(message, TF_TYPE)
+            writer.write_raw("/tf", TF_TYPE, small.stamp(index), raw)
+            encoded = encode_columns(dict(zip("xyz", small.xyz(0).T, strict=True)), 1, 60)
+            writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
+    with BagReader(tmp_path / "drive") as reader:
+        assert used_topics(reader.path, reader.topics, odometry="/tf").odometry == "/tf"
+        poses = list(recorded_poses(reader, "/tf", "odom", Findings()))
+    assert [(pose.stamp_ns, pose.frame_id) for pose in poses] == [
+        (small.stamp(0), "base_link"),
+        (small.stamp(2), "base_link"),
+    ]
+    np.testing.assert_allclose(poses[1].world_from_frame, small.pose(2), atol=1e-12)
+
+
 def test_damage_of_odometry_says_which_message(tmp_path):
     findings, kind = Findings(), "nav_msgs/msg/Odometry"
     with BagWriter(tmp_path / "good") as writer:
@@ -199,7 +242,7 @@ def test_damage_of_odometry_says_which_message(tmp_path):
         for index, raw in enumerate((good, bad, good, bad)):
             writer.write_raw("/odometry", kind, small.stamp(index), raw)
     with BagReader(tmp_path / "drive") as reader:
-        found = list(recorded_poses(reader, "/odometry", findings))
+        found = list(recorded_poses(reader, "/odometry", "odom", findings))
     assert [item is None for item in found] == [False, True, False, True]
     positions = [damage.position for damage in findings.damages]
     assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]
@@ -230,7 +273,11 @@ def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given)
 def test_sweeps_have_the_times_of_their_points(tmp_path):
     """Read by the same code as in the node; those that cannot be are told."""
     rows = np.arange(60)
-    times = {"good": rows * 1_000_000, "bad": np.zeros(60)}
+    times = {
+        "good": rows * 1_000_000,
+        "bad": np.zeros(60),
+        "one lost": np.where(rows == 7, 4e9, rows * 1e6),
+    }
     findings = Findings()
     with BagWriter(tmp_path / "drive") as writer:
         for index, values in enumerate(times.values()):
@@ -238,7 +285,11 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
             encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
     with BagReader(tmp_path / "drive") as reader:
-        good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
+        good, bad, lost = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
     np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
     assert bad.times_s is None
-    assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1}
+    kept = np.delete(rows, 7)
+    np.testing.assert_array_equal(lost.source.rows, kept)
+    np.testing.assert_array_equal(lost.xyz, small.xyz(2)[kept])
+    np.testing.assert_allclose(lost.times_s, kept * 1e-3, atol=1e-7)
+    assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1, Event.POINTS_UNTIMED: 1}

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mnsf_ros.settings import TimeSettings
-from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 
@@ -85,10 +85,10 @@ def test_points_or_a_message_error(cloud):
 )
 def test_a_sweep_has_only_finite_points(cloud, settings):
     try:
-        sweep = sweep_from_message(cloud, settings, 10**18)
+        sweep = CloudReader().sweep(cloud, settings, 10**18)
     except MessageError as error:
         assert str(error)
         return
     assert np.isfinite(sweep.xyz).all()
-    assert len(sweep.xyz) == np.count_nonzero(sweep.source.finite)
+    assert len(sweep.xyz) == np.count_nonzero(sweep.source.measured)
     assert sweep.times_s is None or len(sweep.times_s) == len(sweep)

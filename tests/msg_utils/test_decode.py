@@ -85,14 +85,17 @@ class TestXyz:
             (4.0, INF, 6.0, 12),
             (7.0, 8.0, -INF, 13),
             (-0.5, 0.25, 1e-40, 15),
+            (0.0, -0.0, 0.0, 16),
+            (0.0, 0.0, 1.0, 17),
         ]
         data = pack(rows, f"{'>' if is_bigendian else '<'}fffH")
         fields = [*XYZ, ("ring", 12, 4, 1)]
-        cloud = make_cloud(fields, data, width=5, point_step=14, is_bigendian=is_bigendian)
-        xyz, finite = decode_xyz(cloud)
-        assert finite.tolist() == [True, False, False, False, True]
-        assert xyz.tolist() == [[1.0, 2.0, 3.0], [-0.5, 0.25, float(np.float32(1e-40))]]
-        assert decode_points(cloud)["ring"].reshape(-1)[finite].tolist() == [10, 15]
+        cloud = make_cloud(fields, data, width=7, point_step=14, is_bigendian=is_bigendian)
+        xyz, measured = decode_xyz(cloud)
+        assert measured.tolist() == [True, False, False, False, True, False, True]
+        least = float(np.float32(1e-40))
+        assert xyz.tolist() == [[1.0, 2.0, 3.0], [-0.5, 0.25, least], [0.0, 0.0, 1.0]]
+        assert decode_points(cloud)["ring"].reshape(-1)[measured].tolist() == [10, 15, 17]
         assert bytes(cloud.data) == data
         # The positions are of their own memory, also where none is left out.
         for part in (cloud, make_cloud(XYZ, pack([(1, 2, 3)]), width=1, point_step=12)):

@@ -21,8 +21,8 @@ def cloud_of(**columns):
     return encode_columns({**xyz, **columns}, 1, NUM)
 
 
-def decoded(*, wanted=ALL, stamp_ns=STAMP_NS, rule=TimeSettings(), **columns):  # noqa: B008
-    return decode_times(cloud_of(**columns), wanted, stamp_ns, rule)
+def decoded(*, rule=TimeSettings(), interval_s=0.1, **columns):  # noqa: B008
+    return decode_times(cloud_of(**columns), ALL, STAMP_NS, rule, interval_s)
 
 
 # Driver to field name, type, and value of a point measured so many seconds after the first one.
@@ -40,6 +40,7 @@ DRIVERS = {
     "converted offset_time_ns": ("offset_time_ns", np.uint32, lambda s: s * 1e9, 0.0),
     "microseconds": ("time", np.float32, lambda s: s * 1e6, 0.0),
     "int32": ("t", np.int32, lambda s: (s - 0.05) * 1e9, -0.05),
+    "uint32 below 0": ("t", np.uint32, lambda s: (s - 0.03) * 1e9 % 2**32, -0.03),
 }  # fmt: skip
 
 
@@ -82,22 +83,29 @@ def test_the_next_field_is_tried_if_one_is_unfit():
     np.testing.assert_allclose(times.times_s, SWEEP_S, atol=2e-6)
 
 
-def with_value(value, scalar=np.float32):
-    values = SWEEP_S.astype(scalar)
-    values[3] = value
-    return values
+@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300, 7.0, 0.5, -1.7e9])
+def test_a_few_unusable_values_cost_their_points_only(value):
+    is_lost = np.arange(NUM) % 25 == 3
+    times = decoded(t=np.where(is_lost, value, SWEEP_S + 0.05))
+    np.testing.assert_allclose(times.times_s, np.where(is_lost, np.nan, SWEEP_S + 0.05), atol=1e-6)
+
+
+def test_shares_of_the_sweep_and_milliseconds_are_told_by_the_interval():
+    shares = SWEEP_S / SWEEP_S.max()
+    scaled = decoded(time=shares, interval_s=0.05)
+    np.testing.assert_allclose(scaled.times_s, 0.05 * shares, atol=1e-7)
+    np.testing.assert_allclose(decoded(time=shares, interval_s=1.0).times_s, shares, atol=1e-6)
+    in_ms = decoded(time=1e3 * SWEEP_S, interval_s=0.1)
+    np.testing.assert_allclose(in_ms.times_s, SWEEP_S, atol=1e-6)
 
 
 UNFIT = {
     "constant": np.zeros(NUM, np.uint32),
     "absolute time as float32": (SWEEP_S + STAMP_S).astype(np.float32),
-    "NaN": with_value(np.nan),
-    "infinite": with_value(-np.inf),
-    "huge": with_value(1e300, np.float64),
-    "one stray value": with_value(7.0),
+    "NaN": np.full(NUM, np.nan),
+    "one of five lost": np.where(np.arange(NUM) % 5 == 0, np.nan, SWEEP_S),
     "largest": np.finfo(np.float64).max * (-1.0) ** np.arange(NUM),
     "temperature": np.linspace(20, 35, NUM, dtype=np.float32),
-    "wrapped round": (SWEEP_S * 1e9 + 4.25e9).astype(np.uint64).astype(np.uint32),
     "few bits": np.arange(NUM).astype(np.uint8),
     "an hour in ns": np.linspace(0, 3.6e12, NUM),
 }
@@ -116,6 +124,6 @@ def test_clouds_without_such_a_field_have_no_fault():
     assert times.times_s is None
     assert times.fault == ""
     no_points = encode_columns({"t": np.zeros(0, np.uint32)}, 1, 0)
-    empty = decode_times(no_points, np.zeros(0, bool), 0, TimeSettings())
+    empty = decode_times(no_points, np.zeros(0, bool), 0, TimeSettings(), 0.1)
     assert empty.times_s is None
     assert empty.fault == ""

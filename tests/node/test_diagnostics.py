@@ -131,7 +131,7 @@ class TestLevels:
         ("event", "message"),
         [
             ("clouds_undecodable", "clouds that cannot be decoded"),
-            ("clouds_empty", "clouds without a finite point"),
+            ("clouds_empty", "clouds without a measured point"),
             ("clouds_missed", "clouds are missed (see clouds_missed)"),
         ],
     )
@@ -174,7 +174,7 @@ class TestLevels:
             (("sweeps_received", "sweeps_time_went_back"), "jump back"),
             (("sweeps_received", "sweeps_gap"), "buffer.max_interval_s"),
             (("clouds_undecodable",), "cannot be decoded"),
-            (("clouds_empty",), "no finite point"),
+            (("clouds_empty",), "no measured point"),
             (("sweeps_received", "estimates_failed"), "every estimate fails"),
             (("sweeps_received", "triplets_dropped"), "takes too long"),
         ],

@@ -15,7 +15,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, Match, Reason, SweepTerms,
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 
 NUM_POINTS = 600
 STATES = np.array([2, 2, 2, 3], np.uint8)
@@ -62,7 +62,7 @@ def asking(ros):
 def estimated(stamp_s, **changes):
     """A triplet at a stamp, and an estimate whose reasons are the number of points asked for."""
     sweeps = [
-        sweep_from_message(
+        CloudReader().sweep(
             xyz_message(surfaces(0, NUM_POINTS), stamp_ns=(stamp_s + index) * 10**9),
             Settings().time,
             0,

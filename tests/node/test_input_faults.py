@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+import rclpy
 from moving_boxes import surfaces
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
@@ -95,3 +96,10 @@ def test_times_of_points_are_said_and_cost_no_flow(peer, drive, column, num_inva
     peer.flow_amid(sweeps)
     assert peer.count("clouds_without_usable_times") == before + num_invalid
     assert peer.values("input")["time of each point"] == source
+
+
+def test_a_second_node_of_its_name_is_told(peer):
+    namespace, _, name = peer.flow_topic.removesuffix("/flow").rpartition("/")
+    namesake = rclpy.create_node(name, namespace=namespace, start_parameter_services=False)
+    peer.spin_until(lambda: f"2 nodes have the name {name}" in peer.process.log, "a warning")
+    namesake.destroy_node()

@@ -22,7 +22,7 @@ from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import OutputSettings, Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-from mnsf_ros.sweeps_io.flow_cloud import flow_cloud, sweep_from_message
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader, flow_cloud
 from msg_utils.point_cloud2 import decode_points
 
 NUM_POINTS = 600
@@ -101,7 +101,7 @@ def triplet():
         xyz = surfaces(index, NUM_POINTS)
         xyz[4] = np.nan
         messages.append(xyz_message(xyz, stamp_ns=10**9 + index * 10**8))
-    return SweepTriplet(*(sweep_from_message(message, Settings().time, 0) for message in messages))
+    return SweepTriplet(*(CloudReader().sweep(message, Settings().time, 0) for message in messages))
 
 
 def made_estimate(number=NUM_POINTS - 1, objects=(), *, has_tracks=False):
@@ -175,7 +175,7 @@ def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
     columns = dict(zip("xyz", surfaces(0, NUM_POINTS).T.copy(), strict=True))
     columns |= {name: np.full(NUM_POINTS, 99.0, np.float32) for name in ADDED_FIELDS}
     message = cloud_message(columns, stamp_ns=10**9)
-    sweep = sweep_from_message(message, Settings().time, 0)
+    sweep = CloudReader().sweep(message, Settings().time, 0)
     flow, colorless = (
         deserialize_message(flow_cloud(sweep, made_estimate(NUM_POINTS), 0.1, layout), PointCloud2)
         for layout in (FULL_LAYOUT, COLORLESS)

@@ -368,7 +368,10 @@ def test_files_that_metadata_does_not_name_are_told(metadata):
 def test_changes_of_sqlite_that_were_not_completed_are_told(tmp_path):
     bag = tiny_bags.write_sqlite(tmp_path / "bag")
     (bag / "bag.db3-journal").write_bytes(b"journal")
-    assert "holds incomplete changes (-journal)" in str(read(bag)[1].damages[0])
+    link = tmp_path / "link.db3"
+    link.symlink_to(bag / "bag.db3")
+    for path in (bag, link):
+        assert "holds incomplete changes (-journal)" in str(read(path)[1].damages[0])
 
 
 def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):

@@ -43,6 +43,18 @@ class TestClock:
         clock = SweepClock.of(*turning_points(395.0))
         assert clock.revolution_s == pytest.approx(0.1 * 360 / 395, abs=3e-4)
 
+    @pytest.mark.parametrize("degrees", [360.0, 395.0])
+    def test_times_that_lost_packets_set_to_0_tell_no_direction(self, degrees):
+        xyz, times_s = (np.concatenate([part] * 25) for part in turning_points(degrees))
+        is_lost = np.random.default_rng(0).random(len(xyz)) < 0.03
+        clock = SweepClock.of(xyz, np.where(is_lost, np.float32(0), times_s))
+        # Within 5 degrees of the start nobody can tell.
+        inside = ~is_lost & ((xyz[:, 0] < 0) | (np.abs(xyz[:, 1]) > 1))
+        again = SweepClock.of(xyz, times_s).is_again
+        np.testing.assert_array_equal(clock.is_again[inside], again[inside])
+        own = inside & ~again
+        np.testing.assert_allclose(clock.times_of(xyz[own]), times_s[own], atol=3e-4)
+
     def test_of_directions_without_points_is_that_of_the_nearest(self):
         xyz, times_s = turning_points(360.0)
         ahead = xyz[:, 0] > 0

@@ -2,10 +2,12 @@
 """A node's messages on the page: scenes of one stamp, and only while somebody watches."""
 
 import json
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from threading import Thread
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -80,7 +82,7 @@ class Front:
     def publish(self, stamp_s: int, *, without: str = "") -> None:
         header = Header(frame_id="lidar")
         header.stamp.sec = stamp_s
-        columns = {axis: np.arange(3, dtype=np.float32) for axis in "xyz"}
+        columns = {axis: np.arange(1, 4, dtype=np.float32) for axis in "xyz"}
         columns |= {"dynamic": np.array([0, 1, 0], np.uint8)}
         columns |= {"rgb": np.array([1, 0xFF0000, 2], np.uint32).view(np.float32)}
         columns.pop(without, None)
@@ -99,6 +101,27 @@ class Front:
         for name, raw in messages.items():
             if name != without:
                 self.outputs[name].publish(raw)
+
+
+@pytest.mark.usefixtures("own_domain")
+def test_an_interruption_waits_for_the_end_of_a_callback() -> None:
+    """Within one, rclpy makes it an error of another kind."""
+    ended = []
+
+    def callback(_: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        ended.append(True)
+
+    with RawTopics("node_of_the_test") as ros:
+        publisher = ros.publisher("/interrupted", ODOMETRY_TYPE)
+        subscription = ros.subscribe("/interrupted", ODOMETRY_TYPE, callback)
+        while publisher.get_subscription_count() == 0:
+            ros.spin_for(0.05)
+        publisher.publish(Odometry())
+        with pytest.raises(KeyboardInterrupt):
+            ros.spin_for(PATIENCE_S)
+        assert subscription
+    assert ended == [True]
 
 
 def test_scenes_of_a_node_while_somebody_watches(address: str) -> None:
