@@ -117,11 +117,12 @@ def _ground(xyz: NDArray[np.float64]) -> NDArray[np.float64] | None:
     is_plane = lengths > 1.0
     normals, first = normals[is_plane] / lengths[is_plane, None], first[is_plane]
     heights = points @ normals.T - np.sum(first * normals, axis=1)
-    upward = np.where(np.median(heights, axis=0) < 0, -1.0, 1.0)
-    heights, normals = heights * upward, normals * upward[:, None]
+    # Up is where most of what is not on the plane is.
+    above, below = (np.mean(side * heights > 2 * _TOLERANCE_M, axis=0) for side in (1, -1))
+    normals *= np.where(below > above, -1.0, 1.0)[:, None]
     own_m = -np.sum(first * normals, axis=1)
     is_on = np.abs(heights) < _TOLERANCE_M
-    is_lowest = np.mean(heights < -2 * _TOLERANCE_M, axis=0) < _MAX_BELOW
+    is_lowest = np.minimum(above, below) < _MAX_BELOW
     counts = is_on.sum(axis=0) * (is_lowest & (np.abs(own_m) < _MAX_HEIGHT_M))
     counts[normals[:, 2] > np.cos(np.radians(_MAX_TILT_DEG))] *= 2
     best = np.argmax(counts)
