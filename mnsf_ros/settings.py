@@ -145,11 +145,14 @@ class LidarsSettings:
         1, "Number of lidars, on ~/points, ~/points_2 ..., merged into one cloud", 1, 4, fixed=True
     )
     frame: str = declared(
-        "base_link", "Frame of the merged cloud, fixed to the lidars and between them", fixed=True
+        "base_link",
+        "Level frame fixed to the lidars, such as base_link; of merged clouds",
+        fixed=True,
     )
     poses: str = declared(
         "tf",
-        "Poses of the lidars in that frame: by tf, or by lidar_1.x_m to lidar_4.yaw_deg",
+        "Poses of the lidars in that frame: by tf, or by lidar_1.x_m to lidar_4.yaw_deg; of one "
+        "lidar by either, else estimated from the ground",
         choices=("tf", "parameters"),
         fixed=True,
     )
@@ -163,7 +166,7 @@ class LidarsSettings:
 
 @dataclass(frozen=True)
 class LidarSettings:
-    """Pose of one of several lidars, with lidars.poses: parameters."""
+    """Pose of a lidar; of several with lidars.poses: parameters, of one if it is not zero."""
 
     x_m: float = declared(0.0, "Position of this lidar in lidars.frame, x", -100, 100)
     y_m: float = declared(0.0, "Position of this lidar in lidars.frame, y", -100, 100)
@@ -531,6 +534,22 @@ class Settings:
         """The value of the setting with this full name."""
         group, _, key = name.partition(".")
         return getattr(getattr(self, group), key)
+
+    @property
+    def without_effect(self) -> str:
+        """What of the poses of lidars is not used, in a sentence; empty if there is nothing."""
+        count = self.lidars.count
+        unused = [
+            name
+            for name, value in self.to_mapping().items()
+            if name.startswith("lidar_")
+            and value
+            and (int(name[len("lidar_")]) > count or (count > 1 and self.lidars.poses == "tf"))
+        ]
+        if not unused:
+            return ""
+        used = f"lidars.count is {count} and lidars.poses {self.lidars.poses}"
+        return f"{', '.join(unused)} without effect: {used}"
 
     def _check_consistency(self) -> None:
         for group, low, high in (

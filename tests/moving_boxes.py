@@ -25,5 +25,5 @@ def surfaces(sweep_index=0, num_points=1200):
         num = num_points // len(_BOXES)
         unit = random.uniform(-0.5, 0.5, (num, 3))
         unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
-        parts.append(unit * size + (x, y, size[2] / 2))
+        parts.append(unit * size + (x, y, size[2] / 2 - 1.5))  # as seen from the lidar
     return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * MOTION

@@ -128,6 +128,20 @@ def test_values_that_contradict_each_other(values, text):
         Settings().changed(values)
 
 
+@pytest.mark.parametrize(
+    ("values", "unused"),
+    [
+        ({"lidar_1.roll_deg": 180.0}, ""),
+        ({"lidar_2.x_m": 1.0}, "lidar_2.x_m without effect"),
+        ({"lidars.count": 2, "lidar_1.x_m": 1.0}, "lidar_1.x_m without effect"),
+        ({"lidars.count": 2, "lidars.poses": "parameters", "lidar_2.x_m": 1.0}, ""),
+    ],
+)
+def test_poses_of_lidars_without_effect_are_known(values, unused):
+    assert Settings().changed(values).without_effect.startswith(unused)
+    assert bool(Settings().changed(values).without_effect) == bool(unused)
+
+
 def test_change_makes_a_new_object_and_leaves_the_old_one_alone():
     old = Settings()
     new = old.changed({"crop.max_range_m": 50, "fusion.kind": "mean"})

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
+from mnsf_ros.cli.console import complain
 from mnsf_ros.errors import RecordingError, plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.setting import settings_of
@@ -130,7 +131,10 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
         SettingsError: As `parse_assignments`.
     """
     changes = parse_assignments(options.assignments)
-    return preset(options.preset).changed(changes)
+    settings = preset(options.preset).changed(changes)
+    if settings.without_effect:
+        complain(settings.without_effect)
+    return settings
 
 
 def _existing(text: str) -> Path:

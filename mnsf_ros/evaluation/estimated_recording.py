@@ -48,7 +48,7 @@ def write_estimated(
         RecordingError: No sweep has a flow, or the target cannot be written.
     """
     findings, num_estimated = Findings(), 0
-    clouds = recorded_clouds(reader, topic, stream.settings.time, findings)
+    clouds = recorded_clouds(reader, topic, stream.settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
             done(number)

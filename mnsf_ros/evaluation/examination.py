@@ -51,7 +51,7 @@ def examined(
     check = InputCheck(settings)
     findings = Findings(input_check=check)
     with BagReader(recording.path) as reader:
-        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
+        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
         poses = _poses(reader, recording, settings, findings)
         about = _about(reader, recording)
         _register(_first(sweeps, max_duration_s), poses, settings, check)

@@ -22,6 +22,7 @@ from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
@@ -68,7 +69,7 @@ def read_examples(
             recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
             poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
-        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings.time, findings)
+        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
         yield from builder.examples(sweeps)
 
 
@@ -80,7 +81,7 @@ def kept_points(
 ) -> NDArray[np.bool_]:
     """Returns the points (N,) whose flow is asked for and scored, the same for all methods.
 
-    `xyz` is (N, 3) metres in the sensor's frame, `true_ground` (N,) bool or None. Each stamp has
+    `xyz` is (N, 3) metres, levelled, `true_ground` (N,) bool or None. Each stamp has
     its own random choice, the same in each run.
     """
     settings = options.settings
@@ -114,6 +115,7 @@ class ExampleBuilder:
         self._truth = truth
         self._poses = poses
         self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
+        self._mounting = MountingEstimate()
         self._num_sweeps = 0
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
@@ -138,8 +140,14 @@ class ExampleBuilder:
     def _completed_by(self, sweep: Sweep) -> Example | None:
         number, self._num_sweeps = self._num_sweeps, self._num_sweeps + 1
         truth = self._truth_of(sweep)
+        sweep = self._mounting.mounted(sweep, self._options.settings)
+        self._findings.count(Event.LEVELLED, int(sweep.tilt is not None))
+        self._findings.count(Event.MISPLACED, int(bool(self._mounting.fault)))
         kept = kept_points(
-            sweep.xyz, sweep.stamp_ns, None if truth is None else truth.ground, self._options
+            sweep.levelled.xyz,
+            sweep.stamp_ns,
+            None if truth is None else truth.ground,
+            self._options,
         )
         sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
         arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)

@@ -7,7 +7,7 @@ What is noticed on the way is counted in Findings.
 import math
 from bisect import insort
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from operator import attrgetter
@@ -25,9 +25,11 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TYPE
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.storage_file import Damage
-from mnsf_ros.settings import TimeSettings
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
+from mnsf_ros.sweeps_io.several_lidars import joined_times, revolution_sweep
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -63,6 +65,15 @@ class Event(str, Enum):
     TRUTH_REORDERED = "truth clouds whose rows have another order, matched by position"
     TRUTH_ROWS_UNFIT = "points whose position is not in their truth, without truth"
     TRUTH_ROWS_COMPARED = "points of the sweeps with such points"
+    PARTS = "clouds that are parts of a revolution, put together"
+    LEVELLED = (
+        "sweeps of a lidar that is tilted, upside down, or not at the origin; turned upright for "
+        "methods (lidar_1.roll_deg, lidar_1.pitch_deg)"
+    )
+    MISPLACED = (
+        "sweeps whose frame has its origin on or below the ground, not at the lidar: set "
+        "lidars.frame to this frame, and lidar_1.x_m to lidar_1.z_m to the place of the lidar in it"
+    )
     FRAMES_DIFFER = (
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
         "sensor_yaw_deg to where the sensor is mounted"
@@ -105,37 +116,42 @@ class CloudRows:
         rows: (N,) row of each point of the sweep, counted row by row in the cloud.
         num_points: Points of the cloud, also those that are not in the sweep.
         recording: Name of the recording.
+        parts: The clouds of the revolution, if it has several; rows go on from one to the next.
     """
 
     rows: NDArray[np.int64]
     num_points: int
     recording: str = ""
+    parts: Sequence[Sweep] = ()
 
 
 def recorded_sweeps(
-    reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
+    reader: BagReader, topic: str, recording: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
     """Yields the sweeps of `recorded_clouds` without their messages: `source` is a CloudRows."""
-    for sweep in recorded_clouds(reader, topic, settings, findings):
-        if sweep is None:
-            yield None
-            continue
-        cloud: CloudSource = sweep.source
-        source = CloudRows(np.flatnonzero(cloud.measured), len(cloud.measured), recording)
-        yield replace(sweep, source=source)
+    for parts in _recorded_revolutions(reader, topic, settings, findings):
+        yield _with_rows(parts, recording) if parts else None
 
 
 def recorded_clouds(
-    reader: BagReader, topic: str, settings: TimeSettings, findings: Findings
+    reader: BagReader, topic: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the measured points of each sweep of a topic as received, `source` a CloudSource.
+    """Yields the measured points of each revolution of a topic, `source` a CloudSource.
 
     None marks a gap; findings collect damage.
     """
+    for parts in _recorded_revolutions(reader, topic, settings, findings):
+        yield revolution_sweep(parts) if parts else None
+
+
+def _recorded_revolutions(
+    reader: BagReader, topic: str, settings: Settings, findings: Findings
+) -> Iterator[Sequence[Sweep]]:
+    """Revolutions, each as its parts, in order; none for a gap."""
     clouds = CloudReader()
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
-        sweep = clouds.sweep(message, settings, received_ns)
+        sweep = clouds.sweep(message, settings.time, received_ns)
         cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
@@ -144,7 +160,34 @@ def recorded_clouds(
             findings.input_check.add(sweep)
         return sweep
 
-    return _decoded(reader, topic, findings, sweep_of)
+    revolutions = Revolutions()
+    for cloud in _decoded(reader, topic, findings, sweep_of):
+        found = [()] if cloud is None else revolutions.add(cloud, settings.buffer)
+        for parts in found:
+            findings.count(Event.PARTS, len(parts) if len(parts) > 1 else 0)
+            yield parts
+    if revolutions.rest:
+        yield revolutions.rest
+
+
+def _with_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
+    """The parts as one sweep with the stamp of the first, and a CloudRows."""
+    clouds = []
+    for part in parts:
+        measured = part.source.measured
+        source = CloudRows(np.flatnonzero(measured), len(measured), recording)
+        clouds.append(replace(part, source=source))
+    first = clouds[0]
+    if len(clouds) == 1:
+        return first
+    starts = np.cumsum([0, *(cloud.source.num_points for cloud in clouds)])
+    rows = [cloud.source.rows + start for cloud, start in zip(clouds, starts, strict=False)]
+    return replace(
+        first,
+        xyz=np.concatenate([cloud.xyz for cloud in clouds]),
+        times_s=joined_times(clouds, first.stamp_ns),
+        source=CloudRows(np.concatenate(rows), int(starts[-1]), recording, clouds),
+    )
 
 
 def recorded_poses(
@@ -302,6 +345,11 @@ class TruthTrack:
 
         The sweep of a skipped cloud is missing. Truth that does not fit is reported, and not used.
         """
+        if sweep.source.parts:
+            taken = [self.take(part) for part in sweep.source.parts]
+            known = [truth for truth, _ in taken if truth is not None]
+            is_known = len(known) == len(taken)
+            return FlowTruth.joined(known) if is_known else None, sum(n for _, n in taken)
         passed_over = 0
         while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)

@@ -71,6 +71,9 @@ class InputState:
     pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
     num_namesakes: int = 0  # other nodes of the same name
+    num_parts: int = 1  # clouds in the last revolution
+    mounting: str = "unknown"
+    misplaced: str = ""  # why the origin of the clouds is not at the lidar; empty if it may be
 
 
 class _Moment(NamedTuple):
@@ -173,6 +176,7 @@ class Diagnostics:
             (new[CLOUDS_EMPTY], _WARN, "clouds without a measured point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
+            (state.misplaced, _WARN, "the origin of the clouds is not at the lidar (see the log)"),
             (state.num_namesakes, _WARN, namesakes),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
@@ -186,6 +190,8 @@ class Diagnostics:
             "reliability": state.reliability,
             "rate [Hz]": f"{self._rate_hz(SWEEPS_RECEIVED):.2f}",
             "time of each point": state.times or "unknown",
+            "clouds of a revolution": state.num_parts,
+            "mounting": state.mounting,
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)

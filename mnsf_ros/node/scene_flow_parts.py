@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The parts of either kind of node: sweeps in, flow out."""
 
+from dataclasses import replace
+
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -48,6 +50,7 @@ class SceneFlowParts:
         self._logger = node.get_logger()
         self._faults = faults
         self._input_check = InputCheck(parameters.settings)
+        self._mounting = ""  # as logged last
         try:
             self._join_topics(pause)
         except RuntimeError as error:
@@ -106,7 +109,10 @@ class SceneFlowParts:
         )
         self._pipeline = StreamPipeline(settings, self._publish, self._on_failure)
         try:
-            self._input = SweepInput(self._node, settings, self._report, self._on_sweep, pause)
+            on_break = self._pipeline.reset
+            self._input = SweepInput(
+                self._node, settings, self._report, self._on_sweep, pause, on_break
+            )
         except BaseException:
             self._pipeline.close(0.0)
             raise
@@ -124,6 +130,8 @@ class SceneFlowParts:
     def _greet(self) -> None:
         for name in undeclared_overrides(self._node):
             self._logger.warning(f"ignored: {UnknownParameterError(name)}")
+        if unused := self._settings.without_effect:
+            self._logger.warning(unused)
         self._logger.info(greeting(self._settings))
         self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
 
@@ -135,10 +143,19 @@ class SceneFlowParts:
         is_wanted = self._settings.node.always_estimate or self._frame is not None
         is_wanted = is_wanted or self._outputs.are_watched or self._explanations.are_watched
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_wanted)
+        self._tell_mounting(sweep.frame_id)
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
         self._input_check.add(sweep)
+
+    def _tell_mounting(self, frame_id: str) -> None:
+        mounting = self._pipeline.mounting
+        if mounting.text != self._mounting:
+            self._mounting = mounting.text
+            self._logger.info(f"mounting of {frame_id!r}: {mounting.text}")
+        if mounting.fault:
+            self._faults.warn("misplaced", mounting.fault)
 
     def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
         self.reset()
@@ -173,11 +190,11 @@ class SceneFlowParts:
         self._faults.unexpected(f"no flow for sweep {stamp_ns}", error)
 
     def _publish_diagnostics(self) -> None:
-        message = DiagnosticArray()
+        message, mounting = DiagnosticArray(), self._pipeline.mounting
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
             self._pipeline.statistics.snapshot(),
-            self._input.state,
+            replace(self._input.state, mounting=mounting.text, misplaced=mounting.fault),
             self._pipeline.load,
             self._settings,
             self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else None,

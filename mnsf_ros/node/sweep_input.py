@@ -4,6 +4,7 @@
 import time
 from collections import deque
 from collections.abc import Callable, Container, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -20,15 +21,24 @@ from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.mounting import Mounting
+from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
-from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroup, LidarGroups, merged_sweep
+from mnsf_ros.sweeps_io.several_lidars import (
+    ArrivedSweep,
+    LidarGroup,
+    LidarGroups,
+    merged_sweep,
+    revolution_sweep,
+)
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
 
 _POLL_PERIOD_S: Final = 0.02
 # More sweeps than any lidar sends within the longest wait.
 _MAX_WAITING: Final = 50
+_UP: Final = np.array([0.0, 0.0, 1.0])
 # A stamp this much older than the last one means that the clock jumped, as when a bag loops.
 _JUMP_NS: Final = NANOSECONDS
 
@@ -50,8 +60,11 @@ class SweepInput:
         report: Report,
         on_sweep: Callable[[Sweep, int], None],
         pause: str = "",
+        on_break: Callable[[], None] = lambda: None,
     ) -> None:
         """Subscribes; `on_sweep` gets each sweep and its `time.monotonic_ns()` of arrival.
+
+        `on_break` is called where the sweeps before were none, but parts of a revolution.
 
         Raises:
             SettingsError: If the settings need transforms, and tf2_ros is missing.
@@ -59,10 +72,14 @@ class SweepInput:
         self.pause = pause
         self.transforms: Transforms | None = None
         self._node, self._report, self._on_sweep = node, report, on_sweep
+        self._on_break = on_break
         self._times_source = ""
         self._odometry = OdometrySubscription(node, "~/odometry", report)
         self._waiting: deque[ArrivedSweep] = deque()
+        self._revolutions = [Revolutions() for _ in range(settings.lidars.count)]
+        self._num_parts = 1
         self._last_ns = 0
+        self._mountings: dict[str, Mounting] = {}  # by frame_id
         # They need neither odometry nor transforms.
         self._settings = Settings()
         self.change_settings(settings)
@@ -88,6 +105,7 @@ class SweepInput:
             self.pause,
             () if self._merging is None else self._merging.missing,
             self._node.get_node_names_and_namespaces().count(own) - 1,
+            num_parts=self._num_parts,
         )
 
     def refresh(self) -> None:
@@ -115,6 +133,8 @@ class SweepInput:
     def reset(self) -> None:
         """Forgets all waiting sweeps and earlier poses."""
         self._waiting.clear()
+        self._mountings.clear()
+        self._revolutions = [Revolutions() for _ in self._revolutions]
         if self._merging is not None:
             self._merging.clear()
         self._odometry.change_settings(self._settings.ego_motion, self.transforms)
@@ -137,11 +157,16 @@ class SweepInput:
         if sweep is None:
             return
         self._times_source = sweep.source.times.source
-        item = ArrivedSweep(sweep, arrived_ns)
-        if self._merging is None:
-            self._queue(item)
-        else:
-            self._merging.add(index, item, self._settings.lidars)
+        for parts in self._revolutions[index].add(sweep, self._settings.buffer):
+            self._num_parts = len(parts)
+            if not parts:
+                self._on_break()
+                continue
+            item = ArrivedSweep(revolution_sweep(parts), arrived_ns)
+            if self._merging is None:
+                self._queue(item)
+            else:
+                self._merging.add(index, item, self._settings.lidars)
         self._release()
 
     def _queue(self, item: ArrivedSweep) -> None:
@@ -173,7 +198,19 @@ class SweepInput:
             if sweep is None:
                 return
             self._waiting.popleft()
-            self._on_sweep(sweep, first.arrived_ns)
+            self._on_sweep(self._mounted(sweep), first.arrived_ns)
+
+    def _mounted(self, sweep: Sweep) -> Sweep:
+        """The sweep with the mounting of its lidar by TF, if that is known; it is kept."""
+        lidars, frame_id = self._settings.lidars, sweep.frame_id
+        if self.transforms is None or lidars.poses != "tf" or frame_id == lidars.frame:
+            return sweep
+        if frame_id not in self._mountings:
+            with suppress(TransformError):
+                pose = self.transforms.find(lidars.frame, frame_id)
+                # The frame of a lidar has its lens at the origin.
+                self._mountings[frame_id] = Mounting.of(pose[2, :3], np.zeros(3), "by TF")
+        return replace(sweep, mounting=self._mountings.get(frame_id))
 
     def _located(self, sweep: Sweep, *, may_wait: bool) -> Sweep | None:
         """The sweep with the sensor's pose, if that is known; None if it may still arrive."""
@@ -211,6 +248,9 @@ class LidarMerging(LidarGroups):
     """
 
     missing: tuple[str, ...] = ()
+    # Between all lidars that were ever merged: the best single place to see the cloud from.
+    _mounting: Mounting | None = None
+    _num_merged = 0
 
     def __init__(self, topics: tuple[str, ...], report: Report) -> None:
         super().__init__(len(topics))
@@ -226,7 +266,11 @@ class LidarMerging(LidarGroups):
                 stamp_ns = group.reference.sweep.stamp_ns
                 header = Header(frame_id=settings.lidars.frame)
                 header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
-                sweep = merged_sweep(sweeps, poses, stamp_ns, header)
+                if len(poses) > self._num_merged:
+                    self._num_merged = len(poses)
+                    lens_m = np.mean([pose[:3, 3] for pose in poses.values()], axis=0)
+                    self._mounting = Mounting.of(_UP, lens_m, "between the lidars")
+                sweep = merged_sweep(sweeps, poses, stamp_ns, header, self._mounting)
                 yield ArrivedSweep(sweep, group.reference.arrived_ns)
 
     def _poses(

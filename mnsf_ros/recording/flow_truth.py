@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """True flow of a sweep, and the sweep with it, see `docs/recordings.md`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
@@ -76,6 +76,15 @@ class FlowTruth:
         names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
         known = {name: getattr(self, name) for name in names}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
+
+    @classmethod
+    def joined(cls, parts: Sequence["FlowTruth"]) -> "FlowTruth":
+        """Returns the truth of the points of all parts, with the stamp of the first."""
+        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
+        columns = {name: [getattr(part, name) for part in parts] for name in names}
+        if any(column is None for column in columns[_OBJECT]):
+            del columns[_OBJECT]
+        return cls(parts[0].stamp_ns, **{k: np.concatenate(each) for k, each in columns.items()})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
         """Returns the truth and the (N, 3) points, metres, as a cloud that viewers can show.

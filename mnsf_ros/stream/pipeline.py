@@ -16,6 +16,7 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.stream.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.stream.load_control import LoadControl
 from mnsf_ros.stream.stream import PreparedTriplet, Stream
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
@@ -95,6 +96,11 @@ class StreamPipeline:
         """Triplets at hand: under preparation, being estimated or handed out, and those waiting."""
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return sum(worker.load for worker in self._workers)
+
+    @property
+    def mounting(self) -> MountingEstimate:
+        """How the sensor is mounted."""
+        return self._stream.mounting
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next preparation on.

@@ -18,6 +18,8 @@ from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.sensor_frame import in_sensor_frame
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
@@ -34,7 +36,8 @@ class PreparedTriplet:
     """A triplet between the two halves of its estimate; never changed.
 
     Attributes:
-        triplet: The triplet.
+        triplet: The triplet, in the frame of the sensor.
+        levelled: The same as the method gets it.
         estimator: The one that prepared it, and estimates.
         settings: Of the stream at that time.
         start: Why the estimator began with an earlier triplet, or with this one.
@@ -43,6 +46,7 @@ class PreparedTriplet:
     """
 
     triplet: SweepTriplet
+    levelled: SweepTriplet
     estimator: SceneFlowEstimator
     settings: Settings
     start: Start
@@ -63,6 +67,9 @@ class Stream:
     one goes on where time goes back, `frame_id` changes, the method gets no triplet for longer than
     its `max_gap_s`, or a setting of the estimates changes.
 
+    It owns the mounting, too: methods get sweeps in a level frame with the lens at its origin, and
+    everyone else has them, and the estimates, in the frame of the sensor.
+
     `push` does everything in one thread. Its three parts may also have one thread each: `add`,
     `prepare` and `estimate`. `prepare` takes triplets in their order; those that are dropped
     between two parts are simply not handed on. `change_settings` is for the thread that adds.
@@ -70,6 +77,7 @@ class Stream:
     Attributes:
         triplet: The triplet that the newest sweep completes, if any.
         settings: They hold from the next preparation on.
+        mounting: How the sensor is mounted.
     """
 
     def __init__(
@@ -93,6 +101,7 @@ class Stream:
         self._estimator = (
             make_method(self.method, settings) if after is None else after._renewed(settings)
         )
+        self.mounting: Final = MountingEstimate()
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
         # What follows belongs to the preparation.
         self._last: SweepTriplet | None = None
@@ -124,6 +133,7 @@ class Stream:
 
     def add(self, sweep: Sweep) -> Arrival:
         """Adds the newest sweep to the buffer, see `triplet`. Returns how it follows the last."""
+        sweep = self.mounting.mounted(sweep, self.settings)
         arrival, self.triplet = self._buffer.push(sweep, self.settings.buffer)
         return arrival
 
@@ -149,6 +159,8 @@ class Stream:
         An error is kept until it is the triplet's turn.
         """
         settings, content, failure = self.settings, None, None
+        # Predictions of other programs are in the frame of the sensor.
+        levelled = triplet if self.traits.is_external else triplet.levelled
         self._break = self._break_before(triplet, settings) or self._break
         self._last, self._prepared_with = triplet, settings
         try:
@@ -156,10 +168,12 @@ class Stream:
                 self._estimator = self._renewed(settings)
                 self._start, self._break = self._break, None
             if isinstance(self._estimator, PreparingEstimator):
-                content = self._estimator.prepare(triplet)
+                content = self._estimator.prepare(levelled)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
             failure = error
-        return PreparedTriplet(triplet, self._estimator, settings, self._start, content, failure)
+        return PreparedTriplet(
+            triplet, levelled, self._estimator, settings, self._start, content, failure
+        )
 
     def estimate(
         self,
@@ -179,9 +193,11 @@ class Stream:
         if isinstance(estimator, AdaptingEstimator):
             estimator.effort = effort
         if isinstance(estimator, PreparingEstimator):
-            estimate = estimator.estimate(prepared.triplet, cancelled, prepared.content)
+            estimate = estimator.estimate(prepared.levelled, cancelled, prepared.content)
         else:
-            estimate = estimator.estimate(prepared.triplet, cancelled)
+            estimate = estimator.estimate(prepared.levelled, cancelled)
+        if prepared.levelled is not prepared.triplet:
+            estimate = in_sensor_frame(estimate, prepared.triplet.current)
         if estimate.start is Start.COLD_FIRST:
             estimate = replace(estimate, start=prepared.start)
         return estimate

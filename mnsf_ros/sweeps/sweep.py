@@ -3,12 +3,15 @@
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.rigid_motion import transformed
+from mnsf_ros.sweeps.mounting import Mounting
 
 NANOSECONDS = 1_000_000_000
 # Interval of most lidars, where stamps are missing.
@@ -20,7 +23,7 @@ class Sweep:
     """The points of one lidar revolution, in the sensor's own frame.
 
     Attributes:
-        xyz: (N, 3) float32, metres, finite, x forward, y left, z up.
+        xyz: (N, 3) float32, metres, finite. Methods get it with z up, see `levelled`.
         stamp_ns: Time of the sweep, integer nanoseconds.
         frame_id: Name of the sensor's coordinate frame.
         source: The undecoded input, carried along for the caller.
@@ -29,6 +32,7 @@ class Sweep:
             and ground.
         times_s: (N,) float32, seconds from the stamp to the measurement of each point, negative
             before it. None if unknown: the sweep counts as taken in one moment.
+        mounting: How the sensor is mounted; None if unknown, or level.
     """
 
     xyz: NDArray[np.float32]
@@ -38,6 +42,7 @@ class Sweep:
     odometry: NDArray[np.float64] | None = None
     kept: NDArray[np.bool_] | None = None
     times_s: NDArray[np.float32] | None = None
+    mounting: Mounting | None = None
 
     def __post_init__(self) -> None:
         """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
@@ -53,6 +58,31 @@ class Sweep:
         if times_s is None or len(times_s) == 0:
             return 0.0
         return (float(times_s.min()) + float(times_s.max())) / 2
+
+    @property
+    def tilt(self) -> Mounting | None:
+        """The mounting, unless the frame is level already."""
+        return None if self.mounting is None or self.mounting.is_level else self.mounting
+
+    @property
+    def levelled(self) -> "Sweep":
+        """The sweep in a level frame whose origin is the lens; itself if that is its own frame.
+
+        Always the same object: methods know sweeps again by it.
+        """
+        # A sweep that refers to itself would live until the garbage collector comes.
+        return self if self.tilt is None else self._levelled
+
+    @cached_property
+    def _levelled(self) -> "Sweep":
+        mounting, odometry = self.mounting, self.odometry
+        assert mounting is not None  # noqa: S101 - see `levelled`
+        return replace(
+            self,
+            xyz=transformed(self.xyz, mounting.level_from_sensor),
+            odometry=None if odometry is None else odometry @ mounting.sensor_from_level,
+            mounting=None,
+        )
 
     @property
     def kept_xyz(self) -> NDArray[np.float32]:
@@ -144,6 +174,23 @@ class SweepTriplet:
     def sweeps(self) -> tuple[Sweep, ...]:
         """All sweeps, oldest first."""
         return (*reversed(self.before), self.current, self.next)
+
+    @property
+    def levelled(self) -> "SweepTriplet":
+        """The triplet of the levelled sweeps."""
+        tilt, motion = self.current.tilt, self.next_from_current
+        if tilt is None:
+            return self
+        if motion is not None:
+            motion = tilt.level_from_sensor @ motion @ tilt.sensor_from_level
+        return replace(
+            self,
+            previous=None if self.previous is None else self.previous.levelled,
+            current=self.current.levelled,
+            next=self.next.levelled,
+            earlier=tuple(sweep.levelled for sweep in self.earlier),
+            next_from_current=motion,
+        )
 
     @property
     def interval_s(self) -> float:

@@ -16,12 +16,12 @@ class Arrival(Enum):
     OUT_OF_ORDER = "out_of_order"  # a little older than the last one: refused
     TIME_WENT_BACK = "time_went_back"  # much older, as when a bag loops: buffer starts anew
     GAP = "gap"  # much newer: buffer starts anew
-    FRAME_CHANGED = "frame_changed"  # other frame_id: buffer starts anew
+    FRAME_CHANGED = "frame_changed"  # other frame_id or mounting: buffer starts anew
 
     @classmethod
     def of(cls, sweep: Sweep, last: Sweep, max_gap_s: float, min_gap_s: float = 0.0) -> "Arrival":
-        """How a sweep follows the last one, by their header stamps and frames only."""
-        if sweep.frame_id != last.frame_id:
+        """How a sweep follows the last one, by their header stamps, frames and mountings only."""
+        if sweep.frame_id != last.frame_id or sweep.tilt is not last.tilt:
             return cls.FRAME_CHANGED
         gap_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
         if abs(gap_s) < min_gap_s:

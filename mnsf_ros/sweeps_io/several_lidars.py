@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Several lidars: groups of sweeps of one revolution as they arrive, and a group as one sweep."""
+"""Several lidars: groups of sweeps of one revolution as they arrive, and several clouds as one."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import LidarsSettings
+from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudSource
 from msg_utils.point_cloud2 import decode_points, encode_columns
@@ -179,6 +180,7 @@ def merged_sweep(
     frame_from_lidar: Mapping[int, NDArray[np.float64]],
     stamp_ns: int,
     header: Any,  # noqa: ANN401 - std_msgs/Header
+    mounting: Mounting | None = None,
 ) -> Sweep:
     """Returns the points of all sweeps in one frame, with a CloudSource as `source`.
 
@@ -190,6 +192,7 @@ def merged_sweep(
         frame_from_lidar: Number of the lidar to its pose (4, 4) in the common frame.
         stamp_ns: Stamp of the merged sweep.
         header: Header of its cloud, with the name of the common frame.
+        mounting: Of the merged cloud.
     """
     xyz = np.concatenate(
         [
@@ -197,27 +200,51 @@ def merged_sweep(
             for index, sweep in sweeps.items()
         ]
     )
+    numbers = np.fromiter((index + 1 for index in sweeps), np.uint8, len(sweeps))
+    lidars = np.repeat(numbers, [len(sweep) for sweep in sweeps.values()])
+    merged = _joined(list(sweeps.values()), xyz, stamp_ns, header, {"lidar": lidars})
+    return replace(merged, mounting=mounting)
+
+
+def revolution_sweep(parts: Sequence[Sweep]) -> Sweep:
+    """Returns the parts of a revolution as one sweep with the stamp and header of the first.
+
+    Each `source` is a CloudSource. The cloud is as of `merged_sweep`, without `lidar`.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    header = parts[0].source.message.header
+    xyz = np.concatenate([part.xyz for part in parts])
+    return _joined(parts, xyz, parts[0].stamp_ns, header, {})
+
+
+def _joined(
+    sweeps: Sequence[Sweep],
+    xyz: NDArray[np.float32],
+    stamp_ns: int,
+    header: Any,  # noqa: ANN401 - std_msgs/Header
+    further: Mapping[str, NDArray[Any]],
+) -> Sweep:
+    """The points (N, 3) of sweeps as one with a cloud, and further columns (N,)."""
     columns: dict[str, NDArray[Any]] = {
         axis: np.ascontiguousarray(xyz[:, number]) for number, axis in enumerate("xyz")
     }
-    intensities = [values for sweep in sweeps.values() if (values := _intensity(sweep)) is not None]
+    intensities = [values for sweep in sweeps if (values := _intensity(sweep)) is not None]
     if len(intensities) == len(sweeps):
         columns["intensity"] = np.concatenate(intensities)
-    times_s = _times_s(list(sweeps.values()), stamp_ns)
+    times_s = joined_times(sweeps, stamp_ns)
     if times_s is not None:
         columns["time"] = times_s
-    numbers = np.fromiter((index + 1 for index in sweeps), np.uint8, len(sweeps))
-    columns["lidar"] = np.repeat(numbers, [len(sweep) for sweep in sweeps.values()])
     # With the attributes of a sensor_msgs/PointCloud2.
-    encoded = encode_columns(columns, 1, len(xyz))
+    encoded = encode_columns({**columns, **further}, 1, len(xyz))
     cloud = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
-    times = PointTimes(times_s, "several lidars")
+    times = PointTimes(times_s, f"{sweeps[0].source.times.source}, of merged clouds")
     source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)
     return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
 
 
-def _times_s(sweeps: list[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
-    """(N,) seconds after the common stamp; None if all points were measured at that stamp."""
+def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
+    """Returns (N,) seconds after the common stamp; None if all points were measured at it."""
     if all(sweep.times_s is None and sweep.stamp_ns == stamp_ns for sweep in sweeps):
         return None
     parts = [

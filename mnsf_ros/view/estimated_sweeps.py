@@ -42,8 +42,7 @@ def estimated_sweeps(
     truth = TruthTrack(clouds, findings, name)
     numbers = count(-1)
     num_warned = num_estimates = 0
-    settings = stream.settings.time
-    for sweep in recorded_sweeps(reader, topics.points, name, settings, findings):
+    for sweep in recorded_sweeps(reader, topics.points, name, stream.settings, findings):
         for damage in [*findings.damages][num_warned:]:
             warn(str(damage))
             num_warned += 1

@@ -36,7 +36,7 @@ def live_flows(street, settings):
 
     pipeline = StreamPipeline(settings, keep, lambda job, error: failures.append(error))
     with BagReader(street.path) as reader:
-        for sweep in recorded_sweeps(reader, street.points, "street", Settings().time, Findings()):
+        for sweep in recorded_sweeps(reader, street.points, "street", Settings(), Findings()):
             pipeline.add_sweep(sweep, time.monotonic_ns())
             while pipeline.load:
                 time.sleep(0.005)

@@ -17,12 +17,14 @@ from mnsf_ros.evaluation.tracks import (
     TruthTrack,
     recorded_poses,
     recorded_sweeps,
+    truth_clouds,
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import pose_quaternion, sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, TF_TYPE, jazzy, used_topics
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from msg_utils.point_cloud2 import encode_columns
 
@@ -266,7 +268,7 @@ def test_messages_are_given_in_the_order_of_their_stamps(tmp_path, order, given)
             raw = cloud_cdr(encoded, small.stamp(index))
             writer.write_raw("/points", CLOUD_TYPE, small.stamp(received), raw)
     with BagReader(tmp_path / "drive") as reader:
-        sweeps = recorded_sweeps(reader, "/points", "drive", Settings().time, Findings())
+        sweeps = recorded_sweeps(reader, "/points", "drive", Settings(), Findings())
         assert [sweep.stamp_ns for sweep in sweeps] == [small.stamp(index) for index in given]
 
 
@@ -285,7 +287,7 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
             encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
     with BagReader(tmp_path / "drive") as reader:
-        good, bad, lost = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
+        good, bad, lost = recorded_sweeps(reader, "/points", "drive", Settings(), findings)
     np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
     assert bad.times_s is None
     kept = np.delete(rows, 7)
@@ -293,3 +295,45 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
     np.testing.assert_array_equal(lost.xyz, small.xyz(2)[kept])
     np.testing.assert_allclose(lost.times_s, kept * 1e-3, atol=1e-7)
     assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1, Event.POINTS_UNTIMED: 1}
+
+
+def sector(number):
+    """Points (400, 3) of a lidar that turns by 90 degrees with each cloud, and their truth."""
+    random = np.random.default_rng(number)
+    azimuths = np.radians(random.uniform(90 * number, 90 * number + 90, 400))
+    xyz = np.stack([9 * np.cos(azimuths), 9 * np.sin(azimuths), random.uniform(-1, 1, 400)], axis=1)
+    flow = np.full((400, 3), 0.1 * number, np.float32)
+    flags = [np.full(400, value) for value in (True, False, False)]
+    stamp_ns = small.FIRST_NS + number * small.STEP_NS // 4
+    truth = FlowTruth(stamp_ns, flow, *flags, np.zeros(400, np.uint8), np.zeros(400, np.uint32))
+    return xyz.astype(np.float32), truth
+
+
+def test_sectors_are_revolutions_with_the_truth_of_their_parts(tmp_path):
+    with BagWriter(tmp_path / "drive") as writer:
+        for number in range(14):
+            xyz, truth = sector(number)
+            columns = dict(zip("xyz", xyz.T, strict=True))
+            columns["t"] = np.linspace(0, 24e6, 400).astype(np.uint32)
+            head = truth.stamp_ns, "lidar"
+            writer.write_cloud("/points", encode_columns(columns, 1, 400), *head, is_dense=True)
+            writer.write_cloud("/truth/flow", truth.encode(xyz), *head, is_dense=False)
+    findings = Findings()
+    with BagReader(tmp_path / "drive") as reader:
+        first, gap, *sweeps = recorded_sweeps(reader, "/points", "drive", Settings(), findings)
+        track = TruthTrack(truth_clouds(reader, "/truth/flow", findings), findings, "drive")
+        truths = [track.take(sweep)[0] for sweep in (first, *sweeps)]
+    assert (len(first), gap) == (400, None)
+    assert [len(sweep) for sweep in sweeps] == [1600, 1600, 1600, 400]
+    assert findings.counts == {Event.PARTS: 12}
+    for start, sweep, truth in zip((1, 5, 9), sweeps, truths[1:], strict=False):
+        parts = [sector(number) for number in range(start, start + 4)]
+        np.testing.assert_array_equal(sweep.xyz, np.concatenate([xyz for xyz, _ in parts]))
+        np.testing.assert_array_equal(sweep.source.rows, np.arange(1600))
+        assert sweep.stamp_ns == parts[0][1].stamp_ns
+        seconds = np.concatenate(
+            [number * 0.025 + np.linspace(0, 0.024, 400) for number in range(4)]
+        )
+        np.testing.assert_allclose(sweep.times_s, seconds, atol=1e-6)
+        expected = np.concatenate([truth.flow for _, truth in parts])
+        np.testing.assert_array_equal(truth.flow, expected)

@@ -311,6 +311,8 @@ class TestValues:
             "reliability": "reliable",
             "rate [Hz]": "0.00",
             "time of each point": "unknown",
+            "clouds of a revolution": "1",
+            "mounting": "unknown",
         }
         assert (of_flow["latency p95 [ms]"], of_flow["queue"]) == ("unknown", "0")
         assert (of_flow["method"], of_flow["last failure"]) == ("online", "none")

@@ -14,6 +14,7 @@ import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
+from moving_boxes import surfaces
 from nav_msgs.msg import Odometry
 from node_harness import QUICK, Spinner, stamp_of
 from scipy.spatial.transform import Rotation
@@ -37,6 +38,7 @@ class Tf2(types.ModuleType):
 
     Attributes:
         found: Target frame, source frame and stamp (0: newest) to x of the transform, metres.
+        is_upside_down: Whether they have half a turn about x, too.
         num_clears: How often the buffer was cleared.
         sent: Transforms that were broadcast.
     """
@@ -46,6 +48,7 @@ class Tf2(types.ModuleType):
     def __init__(self):
         super().__init__("tf2_ros")
         self.found, self.num_clears, self.sent = {}, 0, []
+        self.is_upside_down = False
 
     def Buffer(self):  # noqa: N802 - as in tf2_ros
         return self
@@ -61,7 +64,8 @@ class Tf2(types.ModuleType):
 
     def lookup_transform(self, target, source, stamp):
         message = TransformStamped()
-        message.transform.rotation.w = 1.0
+        turn = message.transform.rotation
+        turn.x, turn.w = (1.0, 0.0) if self.is_upside_down else (0.0, 1.0)
         message.transform.translation.x = self.found[target, source, stamp.nanoseconds]
         return message
 
@@ -71,9 +75,15 @@ class Input(Spinner):
 
     def __init__(self, changes):
         super().__init__("input")
-        self.sweeps, self.events = [], []
+        self.sweeps, self.events, self.breaks = [], [], []
         settings = Settings().changed({"node.input_reliability": "reliable"} | changes)
-        self.input = SweepInput(self.node, settings, self._report, self._on_sweep)
+        self.input = SweepInput(
+            self.node,
+            settings,
+            self._report,
+            self._on_sweep,
+            on_break=lambda: self.breaks.append(True),
+        )
         topics = ["~/points", "~/points_2"][: settings.lidars.count]
         self._publishers = [self.advertised(PointCloud2, topic) for topic in topics]
 
@@ -143,6 +153,48 @@ def test_sweeps_wait_for_their_transform_in_order_and_for_a_time(make, tf2, driv
     lidar.wait_for_sweeps(3)
     assert lidar.sweeps[2].odometry is None
     assert lidar.events == ["transforms_missing"]
+
+
+def test_the_mounting_is_looked_up_and_kept(make, tf2, drive):
+    it = make(ego_motion__source="tf", tf__timeout_s=0.0)
+    it.publish(drive.sweep(0))
+    it.wait_for_sweeps(1)
+    tf2.is_upside_down, tf2.found["base_link", "lidar", 0] = True, 1.0
+    it.publish(drive.sweep(1))
+    it.wait_for_sweeps(2)
+    tf2.is_upside_down = False
+    it.publish(drive.sweep(2), drive.sweep(3, frame_id="base_link"))
+    it.wait_for_sweeps(4)
+    unknown, found, kept, in_base = (sweep.mounting for sweep in it.sweeps)
+    assert unknown is in_base is None
+    assert kept is found
+    np.testing.assert_allclose(found.level_from_sensor, np.diag([1, -1, -1, 1]), atol=1e-12)
+
+
+def test_sectors_are_put_together_with_all_their_points(make, drive):
+    it = make()
+    whole = surfaces(0, 4000)
+    quarters = np.floor(np.arctan2(whole[:, 1], whole[:, 0]) / (np.pi / 2)).astype(int) % 4
+    for done, numbers in enumerate([(0, 1, 2, 3), (4, 5), (6, 7, 8, 9)], start=1):
+        for number in numbers:
+            part = whole[quarters == number % 4]
+            it.publish(xyz_message(part, stamp_ns=drive.stamp_ns(number / 4)))
+        it.wait_for_sweeps(done)
+    first, one, two = it.sweeps
+    assert it.breaks == [True]
+    assert len(first) == np.count_nonzero(quarters == 0)
+    assert len(one) == len(two) == len(whole)
+    assert [sweep.stamp_ns for sweep in (one, two)] == [drive.stamp_ns(n) for n in (0.25, 1.25)]
+    message = one.source.message
+    assert stamp_of(message) == one.stamp_ns
+    order = np.concatenate([np.flatnonzero(quarters == n) for n in (1, 2, 3, 0)])
+    np.testing.assert_array_equal(xyz_columns(message), whole[order])
+    own = np.concatenate([np.arange(np.count_nonzero(quarters == n)) for n in (1, 2, 3, 0)])
+    np.testing.assert_array_equal(column(message, "intensity"), own)
+    np.testing.assert_allclose(
+        np.unique(column(message, "time")), [0, 0.025, 0.05, 0.075], atol=1e-6
+    )
+    assert it.input.state.num_parts == 4
 
 
 def test_a_clock_that_jumps_back_clears_the_transforms(make, tf2, drive):
