@@ -26,6 +26,10 @@ from mnsf_ros.errors import MnsfError, is_caused_by
 _COMMANDS: Final = {
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
+    "doctor": (
+        "say what a recording is, what does not fit the method, and what mends it",
+        "doctor",
+    ),
     "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),
     "estimate": ("write the flow of a recording as a recording, for any viewer", "estimate"),
     "explain": ("explain why one place of one sweep was called dynamic or not", "explain"),

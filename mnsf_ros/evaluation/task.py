@@ -17,6 +17,7 @@ from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
 from mnsf_ros.evaluation.tracks import Findings
+from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
@@ -32,6 +33,8 @@ class FinishedTask:
     num_examples: int = 0
     counts: dict[str, int] = field(default_factory=dict)  # of events
     damages: list[str] = field(default_factory=list)  # parts that could not be read
+    # What does not fit in the input: assumption to finding.
+    findings: dict[str, str] = field(default_factory=dict)
     failure: str | None = None  # why it was given up, in one line; a resumed run tries again
 
     @property
@@ -61,7 +64,9 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
     """
-    findings, recording, num_rows = Findings(), task.recording, len(task.skipped)
+    recording, num_rows = task.recording, len(task.skipped)
+    check = InputCheck(options.settings)
+    findings = Findings(input_check=check)
     stream = Stream(options.settings, task.method.name)
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
@@ -69,6 +74,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     examples = read_examples(recording, options, findings)
     for outcome in _outcomes(stream, _chosen(examples, task, options), options.realtime):
         row = _row(outcome, stream)
+        _locate(outcome, check)
         if isinstance(outcome.result, FlowEstimate) and row.failure is None:
             painter.add(row.badness_m, outcome.example, outcome.result)
         num_rows += 1
@@ -76,7 +82,14 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     yield from painter.pictures(*task.key)
     damages = [plain_text(damage) for damage in findings.damages]
     counts = {event.value: number for event, number in findings.counts.items()}
-    yield FinishedTask(*task.key, num_rows, counts, damages)
+    wrong = {one.assumption: str(one) for one in check.findings() if one.is_wrong}
+    yield FinishedTask(*task.key, num_rows, counts, damages, wrong)
+
+
+def _locate(outcome: Outcome, check: InputCheck) -> None:
+    known = outcome.result.over_ground if isinstance(outcome.result, FlowEstimate) else None
+    if known is not None:
+        check.locate(outcome.example.triplet.current, known.world_from_sensor, known.source)
 
 
 def _chosen(

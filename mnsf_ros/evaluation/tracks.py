@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
+from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TYPE
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -86,10 +87,12 @@ class Findings:
     Attributes:
         counts: Event to number of occurrences.
         damages: Unreadable parts, each place once.
+        input_check: Gets each sweep; None if the input is not checked.
     """
 
     counts: Counter[Event] = field(default_factory=Counter)
     damages: dict[Damage, None] = field(default_factory=dict)
+    input_check: InputCheck | None = None
 
     def count(self, event: Event, times: int = 1) -> None:
         """Counts an event."""
@@ -153,6 +156,8 @@ def _recorded_revolutions(
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         findings.count(Event.POINTS_UNTIMED, cloud.num_untimed)
+        if findings.input_check is not None:
+            findings.input_check.add(sweep)
         return sweep
 
     revolutions = Revolutions()

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The node's statuses on /diagnostics: input, flow, ego motion."""
+"""The node's statuses on /diagnostics: input, flow, ego motion, input check."""
 
 import math
 import os
@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node.node_log import FaultLog
 from mnsf_ros.settings import NodeSettings, Settings
 from mnsf_ros.stream.pipeline import (
@@ -56,6 +57,7 @@ _OK, _WARN, _ERROR, _STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
+_LEVELS: Final = {Severity.WARNING: _WARN, Severity.ERROR: _ERROR}
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class _Moment(NamedTuple):
 
 
 class Diagnostics:
-    """Makes the statuses `input`, `flow` and `ego motion`; warns when input is silent."""
+    """Makes the statuses, and warns of silence and of findings in the input."""
 
     def __init__(
         self,
@@ -108,9 +110,22 @@ class Diagnostics:
         self._new: Counter[str] = Counter()  # counts since the last statuses
 
     def statuses(
-        self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
+        self,
+        snapshot: StatisticsSnapshot,
+        state: InputState,
+        load: int,
+        settings: Settings,
+        findings: Sequence[Finding] | None = None,
     ) -> list[DiagnosticStatus]:
-        """The statuses as of now; `load` is the number of triplets in the pipeline."""
+        """The statuses as of now.
+
+        Args:
+            snapshot: Counters and recent figures.
+            state: State of the subscriptions.
+            load: Number of triplets in the pipeline.
+            settings: Those of the node.
+            findings: What does not fit in the input, the worst first; None before enough sweeps.
+        """
         self._look(snapshot, settings.node)
         if state.pause:
             self._listens_since_s = self._now_s
@@ -118,6 +133,7 @@ class Diagnostics:
             self._input_status(snapshot, state, settings.node),
             self._flow_status(snapshot, load, settings),
             self._ego_motion_status(snapshot, settings.ego_motion.source),
+            self._input_check_status(findings),
         ]
         for status in statuses:
             status.hardware_id = state.topic
@@ -253,6 +269,19 @@ class Diagnostics:
             **{f"{source}, recent": count for source, count in sorted(sources.items())},
         }
         return self._status("ego motion", level, message, values)
+
+    def _input_check_status(self, findings: Sequence[Finding] | None) -> DiagnosticStatus:
+        if findings is None:
+            return self._status("input check", _OK, "waiting for more sweeps", {})
+        wrong = [finding for finding in findings if finding.is_wrong]
+        for finding in wrong:
+            self._faults.warn(finding.assumption, str(finding))
+        message = str(wrong[0]) if wrong else "nothing wrong was found"
+        if len(wrong) > 1:
+            message += f" (and {len(wrong) - 1} more)"
+        level = _LEVELS[wrong[0].severity] if wrong else _OK
+        values = {finding.assumption: finding for finding in findings}
+        return self._status("input check", level, message, values)
 
     def _status(
         self, part: str, level: bytes, message: str, values: Mapping[str, object]

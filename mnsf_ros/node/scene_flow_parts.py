@@ -10,6 +10,7 @@ from std_srvs.srv import Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
@@ -25,6 +26,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 _REFRESH_PERIOD_S = 0.2
+_MIN_CHECKED = 20  # sweeps; the first ones of a bag or a driver are odd
 _PAUSE_PERIOD_S = 1.0  # between two lines of one kind in the log
 
 
@@ -47,6 +49,7 @@ class SceneFlowParts:
         self._parameters = parameters
         self._logger = node.get_logger()
         self._faults = faults
+        self._input_check = InputCheck(parameters.settings)
         self._mounting = ""  # as logged last
         try:
             self._join_topics(pause)
@@ -77,6 +80,7 @@ class SceneFlowParts:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
+        self._input_check = InputCheck(self._settings)
 
     def close(self, timeout_s: float) -> None:
         """Abandons the estimate under way, and waits for that as long as the timeout."""
@@ -143,6 +147,7 @@ class SceneFlowParts:
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+        self._input_check.add(sweep)
 
     def _tell_mounting(self, frame_id: str) -> None:
         mounting = self._pipeline.mounting
@@ -162,6 +167,9 @@ class SceneFlowParts:
         self._outputs.publish(job.triplet, estimate, self._settings.output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._explanations.keep(job.triplet, estimate)
+        if (known := estimate.over_ground) is not None:
+            located = job.triplet.current, known.world_from_sensor, known.source
+            self._input_check.locate(*located)
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:
@@ -189,6 +197,7 @@ class SceneFlowParts:
             replace(self._input.state, mounting=mounting.text, misplaced=mounting.fault),
             self._pipeline.load,
             self._settings,
+            self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else None,
         )
         self._diagnostics_publisher.publish(message)
 
@@ -200,3 +209,4 @@ class SceneFlowParts:
         except SettingsError:
             self._pipeline.change_settings(self._settings)
             raise
+        self._input_check = InputCheck(settings)

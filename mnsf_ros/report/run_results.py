@@ -172,6 +172,7 @@ def _notes_of(run: RunRecord, rows: Sequence[ResultRow]) -> list[Note]:
         *_without_example(run),
         *_failures(rows),
         *_recordings_without(run, rows),
+        *_findings(run),
         *(
             Note(f"{task.recording}: {event}: {count:,}.")
             for task in run.finished
@@ -222,6 +223,16 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
         names = dict.fromkeys(row.recording for row in failed)
         lost = [name for name in names if (method, name) not in answered]
         yield Note(f"{text} No flow at all: {_listed(lost)}." if lost else text, bool(lost))
+
+
+def _findings(run: RunRecord) -> Iterator[Note]:
+    """What does not fit in the input, once for each recording: methods notice about the same."""
+    found: dict[tuple[str, str], str] = {}
+    for task in run.finished:
+        for assumption, text in task.findings.items():
+            found.setdefault((task.recording, assumption), text)
+    for (recording, _), text in found.items():
+        yield Note(f"Input of {recording}: {text}.")
 
 
 def _recordings_without(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:

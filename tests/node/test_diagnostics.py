@@ -14,6 +14,7 @@ from mnsf_ros.core.flow_estimate import (
     Start,
     StopReason,
 )
+from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node import diagnostics
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.settings import Settings
@@ -75,11 +76,12 @@ class Story:
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(self, load=0, wanted="registration", pause="", **changes):
+    def statuses(self, load=0, wanted="registration", pause="", findings=None, **changes):
         changes |= {"node.stale_after_s": PATIENCE_S, "ego_motion.source": wanted}
         state = InputState("/points", "reliable", 1, pause=pause)
         settings = Settings().changed(changes)
-        return self._diagnostics.statuses(self.statistics.snapshot(), state, load, settings)
+        now = self.statistics.snapshot()
+        return self._diagnostics.statuses(now, state, load, settings, findings)
 
     def says(self, **options):
         """(level, message) of `input` and of `flow`."""
@@ -276,14 +278,35 @@ def test_ego_motion_of_another_source_than_wanted_is_degraded(story):
     assert (values["odometry, recent"], values["registration, recent"]) == ("1", "1")
 
 
+def test_findings_are_said_by_the_worst_of_them(story):
+    def says(*findings):
+        status = story.statuses(findings=findings)[3]
+        return status.level, status.message
+
+    note = Finding("each point has its time", Severity.INFO, "points have no times", "Name them")
+    body = Finding("no own body", Severity.WARNING, "130 points within 2.1 m", "Leave them out")
+    turned = Finding("z is up", Severity.ERROR, "z points down", "Turn the frame")
+    assert story.statuses()[3].message == "waiting for more sweeps"
+    assert says() == (OK, "nothing wrong was found")
+    assert says(note) == (OK, "nothing wrong was found")
+    assert says(body, note) == (WARN, "130 points within 2.1 m. Leave them out")
+    assert says(turned, body) == (ERROR, "z points down. Turn the frame (and 1 more)")
+    assert story.warnings == {
+        "no own body": "130 points within 2.1 m. Leave them out",
+        "z is up": "z points down. Turn the frame",
+    }
+    values = values_of(story.statuses(findings=[body, note])[3])
+    assert values["each point has its time"] == "points have no times. Name them"
+
+
 class TestValues:
     def test_before_the_first_sweep(self, story):
         statuses = story.statuses()
         assert [status.name for status in statuses] == [
-            f"robot/flow_node: {part}" for part in ("input", "flow", "ego motion")
+            f"robot/flow_node: {part}" for part in ("input", "flow", "ego motion", "input check")
         ]
         assert {status.hardware_id for status in statuses} == {"/points"}
-        of_input, of_flow, of_ego_motion = map(values_of, statuses)
+        of_input, of_flow, of_ego_motion, of_input_check = map(values_of, statuses)
         assert of_input == {
             "topic": "/points",
             "publishers": "1",
@@ -296,6 +319,7 @@ class TestValues:
         assert (of_flow["latency p95 [ms]"], of_flow["queue"]) == ("unknown", "0")
         assert (of_flow["method"], of_flow["last failure"]) == ("online", "none")
         assert of_ego_motion == {"source": "none", "wanted": "registration"}
+        assert of_input_check == {}
 
     def test_of_estimates(self, story):
         for latency_ms in (10.0, 20.0, 30.0):

@@ -42,6 +42,15 @@ def test_a_disabled_node_takes_no_cloud_and_says_so(peer, drive):
     peer.flow_amid(drive.sweeps(*range(3)))
 
 
+def test_the_input_is_checked_after_some_sweeps_and_anew_after_a_reset(peer, drive):
+    def waits():
+        return peer.status("input check").message == "waiting for more sweeps"
+
+    peer.send_until(map(drive.sweep, itertools.count()), lambda: not waits(), "its result")
+    peer.call(Trigger, "reset", Trigger.Request())
+    peer.spin_until(waits, "diagnostics to wait")
+
+
 def test_requests_without_end_do_not_fill_the_log(peer):
     start_s, before = time.monotonic(), len(peer.process.log.splitlines())
     for number in range(100):

@@ -1,0 +1,75 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""`mnsf doctor`: what it says of recordings, and its exit status."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli import main
+from mnsf_ros.recording.bag_topics import LIDAR_FRAME
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import SweepSimulator
+
+
+@pytest.fixture(scope="module")
+def street(make_street):
+    return make_street(duration_s=1.0, num_beams=32, num_columns=256)
+
+
+@pytest.fixture(scope="module")
+def upside_down(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "upside_down"
+    turn = np.diag((1.0, -1.0, -1.0, 1.0))
+    settings = SimulationSettings(duration_s=0.5, num_beams=32, num_columns=256)
+    with BagWriter(path) as writer:
+        for sweep in SweepSimulator(settings):
+            xyz = sweep.xyz * np.float32((1, -1, -1))
+            flow = sweep.truth.flow * np.float32((1, -1, -1))
+            truth = replace(sweep.truth, flow=flow)
+            turned = replace(sweep, xyz=xyz, truth=truth, pose=sweep.pose @ turn)
+            writer.write_sweep(turned, LIDAR_FRAME)
+    return path
+
+
+def said(capsys, *arguments):
+    status = main.run([*map(str, arguments)])
+    text = capsys.readouterr()
+    return status, text.out, text.err
+
+
+def test_a_street_is_described(street, capsys):
+    status, text, _ = said(capsys, "doctor", street)
+    assert status == 0
+    assert "10.0 Hz" in text
+    assert "x y z intensity ring" in text
+    assert "odometry         0.0" in text
+    assert text.endswith("Nothing wrong was found.\n")
+
+
+def test_what_is_wrong_is_said_with_what_mends_it(upside_down, capsys):
+    status, text, _ = said(capsys, "doctor", upside_down)
+    assert status == 1
+    assert "error: z is 180 degrees off the normal of the ground, up is nearest to -z\n" in text
+    status, text, _ = said(capsys, "doctor", upside_down, "--json")
+    content = json.loads(text)
+    assert status == 1
+    assert content["findings"][0]["severity"] == "error"
+    assert content["findings"][0]["assumption"] == "z is up"
+    assert content["facts"]["frame"] == "lidar"
+
+
+def test_an_evaluation_says_it_after_its_tables(upside_down, tmp_path, capsys):
+    options = "--methods", "zero", "--pictures", "0", "--out", tmp_path / "out"
+    status, text, _ = said(capsys, "evaluate", upside_down, *options)
+    assert status == 0
+    assert "Input of upside_down: z is 180 degrees off the normal" in text
+
+
+def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys):
+    assert said(capsys, "doctor", tmp_path / "none")[0] == 2
+    status, _, text = said(capsys, "doctor", street, "--points", "/none")
+    assert status == 2
+    assert "/none" in text

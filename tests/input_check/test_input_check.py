@@ -1,0 +1,229 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Each assumption about the input: said where it does not hold, and only there."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.settings import Settings, TimeSettings
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import SweepSimulator
+from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
+from msg_utils.point_cloud2 import encode_columns
+
+NUM_SWEEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """A cloud of the simulator, and where it was taken."""
+
+    stamp_ns: int
+    xyz: np.ndarray
+    columns: dict
+    pose: np.ndarray
+    odometry: np.ndarray | None = None
+
+    def rows(self, rows):
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return replace(self, xyz=self.xyz[rows], columns=columns)
+
+    def with_times(self, name, values):
+        return replace(self, columns={"ring": self.columns["ring"], name: values})
+
+    def moved(self, matrix):
+        xyz = self.xyz @ matrix[:3, :3].T + matrix[:3, 3]
+        return replace(self, xyz=xyz, pose=self.pose @ np.linalg.inv(matrix))
+
+    def with_points(self, xyz):
+        return replace(self, xyz=np.concatenate([self.xyz, xyz]), columns={})
+
+    @property
+    def sweep(self):
+        axes = {axis: self.xyz[:, i].astype(np.float32) for i, axis in enumerate("xyz")}
+        encoded = encode_columns({**axes, **self.columns}, 1, len(self.xyz))
+        sec, nanosec = divmod(self.stamp_ns, 10**9)
+        stamp = SimpleNamespace(sec=sec, nanosec=nanosec)
+        header = SimpleNamespace(stamp=stamp, frame_id="lidar")
+        message = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
+        sweep = CloudReader().sweep(message, TimeSettings(), 0)
+        return replace(sweep, odometry=self.odometry)
+
+
+@cache
+def street(is_rolling=True):
+    """Clouds of a street at 8 m/s."""
+    settings = SimulationSettings(num_beams=32, num_columns=450, duration_s=0.1 * NUM_SWEEPS)
+    simulator = SweepSimulator(settings)
+    sensor = replace(simulator.scene.sensor, is_rolling=is_rolling)
+    simulator.scene = replace(simulator.scene, sensor=sensor)
+    return [
+        Cloud(one.truth.stamp_ns, one.xyz, {k: one.columns[k] for k in columns}, one.pose)
+        for one in simulator
+        for columns in [[name for name in one.columns if name != "intensity"]]
+    ]
+
+
+def checked(clouds):
+    check = InputCheck(Settings())
+    for cloud in clouds:
+        sweep = cloud.sweep
+        check.add(sweep)
+        check.locate(sweep, cloud.pose, "registration")
+    return check
+
+
+def wrong(clouds):
+    return [finding for finding in checked(clouds).findings() if finding.is_wrong]
+
+
+def turned(axis, degrees):
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+    return matrix
+
+
+def shifted(x, z):
+    matrix = np.eye(4)
+    matrix[[0, 2], 3] = x, z
+    return matrix
+
+
+def of_seconds(cloud, factor, step=0.0):
+    seconds = factor * cloud.columns["t"] / 1e9
+    seconds = step * np.round(seconds / step) if step else seconds
+    return cloud.with_times("time", seconds.astype(np.float32))
+
+
+def few_early(cloud, number):
+    rows = np.random.default_rng(number).random(len(cloud.xyz)) < 0.005
+    return cloud.with_times("t", np.where(rows, 0, cloud.columns["t"]).astype(np.uint32))
+
+
+def late_stamp(cloud, number):
+    return replace(cloud, stamp_ns=cloud.stamp_ns + (37 * number) % 5 * 8_000_000)
+
+
+def late_with_absolute_times(cloud, number):
+    seconds = (cloud.stamp_ns + cloud.columns["t"].astype(np.int64)) / 1e9
+    return late_stamp(cloud.with_times("timestamp", seconds), number)
+
+
+def sector(cloud, number):
+    azimuths = np.degrees(np.arctan2(cloud.xyz[:, 1], cloud.xyz[:, 0])) % 360
+    return cloud.rows(azimuths // 36 == number % 10)
+
+
+def shell(cloud, number):
+    near = cloud.rows(np.linalg.norm(cloud.xyz, axis=1) < 30)
+    rng = np.random.default_rng(number)
+    azimuths, elevations = rng.uniform(-3, 3, 1000), rng.uniform(0.0, 0.3, 1000)
+    across = np.cos(elevations)
+    rays = [across * np.cos(azimuths), across * np.sin(azimuths), np.sin(elevations)]
+    return near.with_points(30.0 * np.stack(rays, axis=1))
+
+
+def roof(cloud, number):
+    rng = np.random.default_rng(number)
+    low, high = (-1.5, -0.6, -0.5), (-1.2, 0.6, -0.4)
+    return cloud.with_points(rng.uniform(low, high, (130, 3)))
+
+
+def odd_odometry(cloud, number):
+    return replace(cloud, odometry=cloud.pose @ turned("z", 3.0 * (number % 2)))
+
+
+DISTURBED = {
+    "no number of a clock": (lambda one, _: of_seconds(one, 100.0), "field 'time': values from"),
+    "an eighth": (lambda one, _: of_seconds(one, 0.125), "no lidar turns 79"),
+    "rounded": (lambda one, _: of_seconds(one, 1.0, 0.01), "only 11 different values"),
+    "early points": (few_early, "of the points contradict their direction"),
+    "late stamps": (late_stamp, "ms off an even clock"),
+    "late stamps, even points": (late_with_absolute_times, "but the first points only 2 ms"),
+    "upside down": (lambda one, _: one.moved(turned("x", 180)), "up is nearest to -z"),
+    "tilted": (lambda one, _: one.moved(turned("y", 45)), "z is 45 degrees off the normal"),
+    "base_link": (lambda one, _: one.moved(shifted(1.4, 1.8)), "degrees off cones"),
+    "sectors": (sector, "clouds are parts of a revolution"),
+    "odometry": (odd_odometry, "odometry contradicts the clouds"),
+    "own body": (roof, "own body: 1"),
+}
+
+
+@pytest.mark.parametrize("name", DISTURBED)
+def test_what_does_not_fit_is_said(name):
+    disturb, text = DISTURBED[name]
+    findings = wrong([disturb(cloud, number) for number, cloud in enumerate(street())])
+    assert any(text in finding.found for finding in findings), findings
+    # The cause is not hidden by its effects.
+    assert len(findings) <= 2
+
+
+CORRECTED = {
+    "from 0 to 1": lambda one, _: of_seconds(one, 10.0),
+    "milliseconds": lambda one, _: of_seconds(one, 1000.0),
+    "zeros": lambda one, _: one.with_points(np.zeros((500, 3))),
+    "shell": shell,
+}
+
+
+@pytest.mark.parametrize("name", CORRECTED)
+def test_what_is_corrected_when_it_is_read_is_no_fault(name):
+    clouds = [CORRECTED[name](cloud, number) for number, cloud in enumerate(street())]
+    assert not wrong(clouds)
+
+
+@pytest.mark.parametrize("is_rolling", [False, True])
+def test_an_undisturbed_street_has_no_fault(is_rolling):
+    clouds = [replace(cloud, odometry=cloud.pose) for cloud in street(is_rolling)]
+    assert not wrong(clouds)
+
+
+@pytest.mark.parametrize("degrees", [0, 10, 20])
+def test_a_tilt_that_works_is_no_fault(degrees):
+    assert not wrong([cloud.moved(turned("y", degrees)) for cloud in street()])
+
+
+def test_without_times_it_cannot_be_known_whether_the_lidar_turns():
+    (finding,) = checked(street(is_rolling=False)).findings()
+    assert not finding.is_wrong
+    assert "points have no times, and the sensor moves at 8.0 m/s" in finding.found
+
+
+def test_facts_describe_the_stream():
+    facts = checked(street()).facts()
+    assert facts["rate"].startswith("10.0 Hz")
+    assert facts["times of points"].endswith("100.0 ms a sweep, in order of azimuth")
+    assert facts["field of view"].endswith("-25 to 2 up")
+    assert facts["mounting"].startswith("origin 1.5")
+    assert facts["own body"] == "none"
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_few_sweeps_and_few_points_are_enough(number):
+    clouds = [cloud.rows(np.arange(number)) for cloud in street(is_rolling=False)[:2]]
+    check = checked(clouds)
+    assert not wrong(clouds)
+    assert check.facts()["frame"] == "lidar"
+    assert not InputCheck(Settings()).findings()
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-30, 3e37])
+def test_points_and_times_of_any_size_are_taken(factor):
+    rng = np.random.default_rng(0)
+    check = InputCheck(Settings())
+    for number in range(30):
+        xyz = np.float32(factor) * rng.normal(0, 1, (100, 3)).astype(np.float32)
+        times_s = np.float32(number % 2) * rng.uniform(-2, 2, 100).astype(np.float32)
+        sweep = Sweep(xyz, 10**8 * (number % 20), times_s=times_s, odometry=np.eye(4))
+        pose = np.diag((1.0, 1.0, 1.0, 1.0))
+        pose[0, 3] = number**2
+        check.add(sweep)
+        check.locate(sweep, pose, "registration")
+        check.facts()
+    assert all(finding.remedy for finding in check.findings())
