@@ -55,7 +55,7 @@ class InputCheck:
     def __init__(self, settings: Settings) -> None:
         self.num_sweeps = 0
         self._lock = threading.Lock()
-        mounting = Mounting()
+        mounting = Mounting(settings)
         self._odometry = OdometryFit(settings.ego_motion)
         self._assumptions: tuple[Assumption, ...] = (
             CloudLayout(),

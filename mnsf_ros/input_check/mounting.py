@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.mounting_estimate import is_levelled
 
 _UP: Final = "z is up"
 _LENS: Final = "the origin of the frame is the lidar"
@@ -36,7 +38,8 @@ _MIN_AROUND: Final = 0.8
 class Mounting:
     """Finds the ground as the plane with most points that has nothing below it."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
         self._planes: deque[NDArray[np.float64]] = deque(maxlen=30)
         self._blurs_deg: deque[float] = deque(maxlen=30)
         self._num, self._num_beams = 0, 0
@@ -84,15 +87,23 @@ class Mounting:
             found = (
                 f"z is {tilt_deg:.0f} degrees off the normal of the ground, up is nearest to {up}"
             )
-            remedy = "Publish clouds in a frame with z up, as the lidar is mounted"
-            yield Finding(_UP, Severity.ERROR, found, remedy)
-        remedy = "Publish clouds in the frame of the lidar, not of the vehicle"
+            remedy = "Set lidar_1.roll_deg and lidar_1.pitch_deg"
+            severity = Severity.ERROR
+            if is_levelled(tilt_deg, self._settings):
+                severity, found = Severity.INFO, f"{found}; methods get the clouds upright"
+            yield Finding(_UP, severity, found, remedy)
+        remedy = (
+            "Publish clouds in the frame of the lidar, or set lidars.frame to this frame, "
+            "lidars.poses to parameters, and lidar_1.x_m to lidar_1.z_m to the place of the lidar"
+        )
+        is_given = self._settings.lidars.poses == "parameters"
+        severity = Severity.INFO if is_given else Severity.WARNING
         if self._blurs_deg and (blur_deg := np.median(self._blurs_deg)) > _MAX_BLUR_DEG:
             found = f"beams are {blur_deg:.1f} degrees off cones around the origin of the frame, "
-            yield Finding(_LENS, Severity.WARNING, f"{found}which is not the lidar", remedy)
+            yield Finding(_LENS, severity, f"{found}which is not the lidar", remedy)
         elif ground is not None and ground[3] < 0:
             found = f"the origin of the frame is {-ground[3]:.2f} m below ground"
-            yield Finding(_LENS, Severity.WARNING, found, remedy)
+            yield Finding(_LENS, severity, found, remedy)
 
 
 def _tilt_deg(ground: NDArray[np.float64]) -> float:

@@ -58,10 +58,11 @@ class Revolution:
         if common < _MIN_COMMON and whole_deg > 1.5 * self._coverage_deg:
             yield Finding(
                 _ASSUMPTION,
-                Severity.ERROR,
+                Severity.INFO,
                 f"a cloud covers {self._coverage_deg:.0f} degrees, {len(looks)} together "
                 f"{whole_deg:.0f}: clouds are parts of a revolution",
-                "Let the driver publish whole revolutions",
+                "They are put together, which costs the time of one part; set the driver to whole "
+                "revolutions if it can",
             )
 
     @property

@@ -93,6 +93,14 @@ class MountingEstimate:
             )
 
 
+def is_levelled(tilt_deg: float, settings: Settings) -> bool:
+    """Whether methods get the clouds of a sensor with this tilt upright."""
+    known, mount = settings.lidar_1, settings.ego_motion
+    is_given = any((known.roll_deg, known.pitch_deg, mount.sensor_roll_deg, mount.sensor_pitch_deg))
+    is_wall = _MIN_WALL_DEG < tilt_deg < 180.0 - _MIN_WALL_DEG
+    return is_given or (tilt_deg > _MAX_TILT_DEG and not is_wall)
+
+
 def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
     """The mounting of one lidar by its parameters; None if they say nothing about it."""
     if settings.lidars.count > 1:

@@ -20,14 +20,15 @@ def street(make_street):
 
 
 @pytest.fixture(scope="module")
-def upside_down(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bags") / "upside_down"
-    turn = np.diag((1.0, -1.0, -1.0, 1.0))
+def on_its_side(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "on_its_side"
+    turn = np.eye(4)[[0, 2, 1, 3]] * (1.0, 1.0, -1.0, 1.0)
     settings = SimulationSettings(duration_s=0.5, num_beams=32, num_columns=256)
     with BagWriter(path) as writer:
         for sweep in SweepSimulator(settings):
-            xyz = sweep.xyz * np.float32((1, -1, -1))
-            flow = sweep.truth.flow * np.float32((1, -1, -1))
+            xyz, flow = (
+                one @ turn[:3, :3].astype(np.float32) for one in (sweep.xyz, sweep.truth.flow)
+            )
             truth = replace(sweep.truth, flow=flow)
             turned = replace(sweep, xyz=xyz, truth=truth, pose=sweep.pose @ turn)
             writer.write_sweep(turned, LIDAR_FRAME)
@@ -49,11 +50,11 @@ def test_a_street_is_described(street, capsys):
     assert text.endswith("Nothing wrong was found.\n")
 
 
-def test_what_is_wrong_is_said_with_what_mends_it(upside_down, capsys):
-    status, text, _ = said(capsys, "doctor", upside_down)
+def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):
+    status, text, _ = said(capsys, "doctor", on_its_side)
     assert status == 1
-    assert "error: z is 180 degrees off the normal of the ground, up is nearest to -z\n" in text
-    status, text, _ = said(capsys, "doctor", upside_down, "--json")
+    assert "error: z is 90 degrees off the normal of the ground, up is nearest to y\n" in text
+    status, text, _ = said(capsys, "doctor", on_its_side, "--json")
     content = json.loads(text)
     assert status == 1
     assert content["findings"][0]["severity"] == "error"
@@ -61,11 +62,11 @@ def test_what_is_wrong_is_said_with_what_mends_it(upside_down, capsys):
     assert content["facts"]["frame"] == "lidar"
 
 
-def test_an_evaluation_says_it_after_its_tables(upside_down, tmp_path, capsys):
+def test_an_evaluation_says_it_after_its_tables(on_its_side, tmp_path, capsys):
     options = "--methods", "zero", "--pictures", "0", "--out", tmp_path / "out"
-    status, text, _ = said(capsys, "evaluate", upside_down, *options)
+    status, text, _ = said(capsys, "evaluate", on_its_side, *options)
     assert status == 0
-    assert "Input of upside_down: z is 180 degrees off the normal" in text
+    assert "Input of on_its_side: z is 90 degrees off the normal" in text
 
 
 def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys):
