@@ -3,6 +3,7 @@
 
 import argparse
 import json
+from contextlib import suppress
 from typing import Final
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
@@ -29,7 +30,7 @@ def add_doctor(arguments: Arguments) -> str:
     arguments.recordings("bag BAG", "recording")
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, compared with the motion of the clouds")
-    arguments.value("--duration-s S", "how much of the recording is read", default=60.0)
+    arguments.value("--duration-s S", "how much of the recording is read", duration, 60.0)
     arguments.flag("--json", "print JSON")
     arguments.settings(default="online")
     return _EPILOG
@@ -43,6 +44,18 @@ def run_doctor(options: argparse.Namespace) -> int:
     return EXIT_FINDINGS if found.is_wrong else 0
 
 
+def duration(text: str) -> float:
+    """Returns seconds.
+
+    Raises:
+        ArgumentTypeError: The text is no number above 0.
+    """
+    with suppress(ValueError):
+        if float(text) > 0:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0")
+
+
 def _print_text(recording: EvaluatedRecording, found: Examination) -> None:
     console = Console()
     width = max(map(len, found.facts), default=0)
@@ -54,7 +67,8 @@ def _print_text(recording: EvaluatedRecording, found: Examination) -> None:
         console.say(f"{_MARKS[finding.severity]}: {finding.found}", style)
         console.say(f"  {finding.remedy}")
     if not found.is_wrong:
-        console.say("Nothing wrong was found.")
+        notes = f"; notes: {len(found.findings)}" if found.findings else ""
+        console.say(f"Nothing wrong was found{notes}.")
     for note in found.notes[:_MAX_NOTES]:
         console.say(f"read: {note}")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.estimated_recording import write_estimated
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
@@ -25,7 +26,8 @@ def add_estimate(arguments: Arguments) -> str:
     arguments.flag("--force", FORCE)
     return """\
 OUT has the topics of the node: /scene_flow/flow (all points, with colours),
-/scene_flow/flow/moving, /scene_flow/objects and /scene_flow/ego_motion.
+/scene_flow/flow/moving, /scene_flow/objects and /scene_flow/ego_motion (poses
+with their covariance; no twist).
 Foxglove opens it, beside the recording where its other topics are wanted.
 
 Example:
@@ -35,6 +37,9 @@ Example:
 
 def run_estimate(options: argparse.Namespace) -> None:
     """Writes the recording."""
+    source, target = Path(options.bag).resolve(), options.out.resolve()
+    if source == target or source in target.parents or target in source.parents:
+        raise RecordingError(f"{options.out}: is the recording that is read; --out is another path")
     check_target(options.out, overwrite=options.force)
     console = Console(stderr=True)
     with open_recording(options.bag, console.warn) as reader:

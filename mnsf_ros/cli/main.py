@@ -103,6 +103,10 @@ def run(arguments: list[str] | None = None) -> int:
             return EXIT_MEMORY
         if not isinstance(error, (MnsfError, OSError)):
             raise
+        if isinstance(error, BrokenPipeError):
+            # Whoever read the output has enough, as `head` does. What is left goes nowhere.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
         complain(error)
         return EXIT_USAGE
 

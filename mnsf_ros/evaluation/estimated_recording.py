@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
+from mnsf_ros.errors import MnsfError, RecordingError
 from mnsf_ros.evaluation.tracks import Findings, recorded_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
@@ -19,6 +20,8 @@ from mnsf_ros.sweeps_io.flow_columns import object_columns
 from msg_utils.point_cloud2 import encode_columns
 
 _NODE: Final = "/scene_flow"
+# All sweeps may fail in the same way.
+_MAX_TOLD: Final = 3
 
 
 def write_estimated(
@@ -47,7 +50,8 @@ def write_estimated(
     Raises:
         RecordingError: No sweep has a flow, or the target cannot be written.
     """
-    findings, num_estimated = Findings(), 0
+    findings, num_estimated, num_failed = Findings(), 0, 0
+    reason = "three sweeps in a row are needed"
     clouds = recorded_clouds(reader, topic, stream.settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
@@ -57,11 +61,17 @@ def write_estimated(
             try:
                 estimate = stream.push(sweep)
             except MnsfError as error:
-                warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
+                num_failed, reason = num_failed + 1, str(error)
+                if num_failed <= _MAX_TOLD:
+                    warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
                 continue
             if estimate is not None and stream.triplet is not None:
                 _write(writer, stream.triplet, estimate, stream.settings.node.odom_frame)
                 num_estimated += 1
+        if num_estimated == 0:
+            raise RecordingError(f"{reader.path}: no sweep of {topic} has a flow: {reason}")
+    if num_failed > _MAX_TOLD:
+        warn(f"and {num_failed - _MAX_TOLD} more sweeps without flow")
     for damage in findings.damages:
         warn(str(damage))
     return num_estimated
@@ -79,7 +89,10 @@ def _write(
     if known is None:
         return
     pose = known.world_from_sensor
-    writer.write_odometry(f"{_NODE}/ego_motion", pose, stamp_ns, odom_frame, frame_id)
+    covariance = UNKNOWN_COVARIANCE if known.pose_covariance is None else known.pose_covariance
+    writer.write_odometry(
+        f"{_NODE}/ego_motion", pose, stamp_ns, odom_frame, frame_id, covariance=covariance
+    )
     if known.track_ids is not None:
         objects = encode_columns(object_columns(known.objects), 1, len(known.objects))
         writer.write_cloud(f"{_NODE}/objects", objects, stamp_ns, frame_id)

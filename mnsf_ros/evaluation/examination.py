@@ -11,13 +11,14 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import Findings, recorded_poses, recorded_sweeps
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
-from mnsf_ros.input_check.finding import Finding
+from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 TF_TOPIC: Final = "/tf"
+_LEAST_SWEEPS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,11 @@ def examined(
         _register(_first(sweeps, max_duration_s), poses, settings, check)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [plain_text(damage) for damage in (*recording.damages, *findings.damages)]
-    return Examination(about | check.facts(), check.findings(), [*damages, *events])
+    found = check.findings()
+    if check.num_sweeps < _LEAST_SWEEPS:
+        text = f"clouds: {check.num_sweeps}, a flow needs {_LEAST_SWEEPS} in a row and more"
+        found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
+    return Examination(about | check.facts(), found, [*damages, *events])
 
 
 def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import NUM_SECTORS, Step, SweepSample
+from mnsf_ros.sweeps.kept_points import MIN_POINTS
 
 _ASSUMPTION: Final = "a cloud is one revolution"
 # Of the directions of a cloud, seen in the cloud before, too: whole clouds have .9 and more.
@@ -41,14 +42,19 @@ class Revolution:
         """View and number of points, in words."""
         if not self._counts:
             return {}
+        points = {"points": f"{int(np.median(self._counts)):,} a cloud"}
+        if self._low > self._high:
+            return points
         low, high = np.degrees((self._low, self._high))
-        return {
-            "field of view": f"{self._coverage_deg:.0f} degrees around, {low:.0f} to {high:.0f} up",
-            "points": f"{int(np.median(self._counts)):,} a cloud",
-        }
+        text = f"{self._coverage_deg:.0f} degrees around with returns, {low:.0f} to {high:.0f} up"
+        return {"field of view": text, **points}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
+        if self._counts and np.median(self._counts) < MIN_POINTS:
+            number = int(np.median(self._counts))
+            found = f"a cloud has {number} measured points, a flow needs {MIN_POINTS} and more"
+            yield Finding(_ASSUMPTION, Severity.ERROR, found, "Check the driver and the topic")
         if len(self._sectors) < _MIN_SWEEPS:
             return
         looks = np.array(self._sectors)

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys.stores import ros2_jazzy as ros
 
+from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import UNREADABLE, RecordingError, reason
 from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.recording.bag_files import new_folder
@@ -187,8 +188,12 @@ class BagWriter:
         stamp_ns: int,
         frame_id: str,
         child_frame_id: str,
+        *,
+        covariance: NDArray[np.float64] | None = None,
     ) -> None:
         """Adds the (4, 4) pose, metres, of the child frame in `frame_id`; the velocity is zero.
+
+        With the covariance (6, 6) of a pose that is estimated, the velocity is unknown.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, the pose is no rigid motion, or
@@ -205,8 +210,12 @@ class BagWriter:
             message = ros.nav_msgs__msg__Odometry(
                 header=_header(stamp_ns, frame_id),
                 child_frame_id=child_frame_id,
-                pose=ros.geometry_msgs__msg__PoseWithCovariance(matrix, covariance=np.zeros(36)),
-                twist=ros.geometry_msgs__msg__TwistWithCovariance(twist, covariance=np.zeros(36)),
+                pose=ros.geometry_msgs__msg__PoseWithCovariance(
+                    matrix, np.zeros(36) if covariance is None else covariance.ravel()
+                ),
+                twist=ros.geometry_msgs__msg__TwistWithCovariance(
+                    twist, (0.0 if covariance is None else 1.0) * UNKNOWN_COVARIANCE.ravel()
+                ),
             )
             raw = jazzy().serialize_cdr(message, ODOMETRY_TYPE)
         self.write_raw(topic, ODOMETRY_TYPE, stamp_ns, raw)

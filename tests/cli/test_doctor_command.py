@@ -12,6 +12,7 @@ from mnsf_ros.recording.bag_topics import LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
+from msg_utils.point_cloud2 import encode_columns
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,7 @@ def test_a_street_is_described(street, capsys):
     assert "10.0 Hz" in text
     assert "x y z intensity ring" in text
     assert "odometry         0.0" in text
-    assert text.endswith("Nothing wrong was found.\n")
+    assert text.endswith("Nothing wrong was found; notes: 1.\n")
 
 
 def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):
@@ -60,6 +61,21 @@ def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):
     assert content["findings"][0]["severity"] == "error"
     assert content["findings"][0]["assumption"] == "z is up"
     assert content["facts"]["frame"] == "lidar"
+
+
+@pytest.mark.parametrize(
+    ("num_clouds", "text"),
+    [(1, "error: clouds: 1, a flow needs 2"), (5, "error: a cloud has 3 measured points")],
+)
+def test_what_can_have_no_flow_is_wrong(num_clouds, text, tmp_path, capsys):
+    with BagWriter(tmp_path / "few") as writer:
+        for number in range(num_clouds):
+            columns = {axis: np.arange(1, 4, dtype=np.float32) for axis in "xyz"}
+            cloud = encode_columns(columns, 1, 3)
+            writer.write_cloud("/points", cloud, 10**9 + number * 10**8, "lidar")
+    status, found, _ = said(capsys, "doctor", tmp_path / "few")
+    assert status == 1
+    assert text in found
 
 
 def test_an_evaluation_says_it_after_its_tables(on_its_side, tmp_path, capsys):

@@ -48,8 +48,22 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
             reader.messages(f"{NODE}/objects"), wanted.values(), strict=True
         ):
             assert cloud.width == len(estimate.over_ground.objects)
-        poses = [one.pose.pose.position.x for one in reader.messages(f"{NODE}/ego_motion")]
-        assert poses == [one.over_ground.world_from_sensor[0, 3] for one in wanted.values()]
+        for one, estimate in zip(
+            reader.messages(f"{NODE}/ego_motion"), wanted.values(), strict=True
+        ):
+            known = estimate.over_ground
+            assert one.pose.pose.position.x == known.world_from_sensor[0, 3]
+            np.testing.assert_array_equal(one.pose.covariance, known.pose_covariance.ravel())
+            # Not known to stand still.
+            assert one.twist.covariance[0] > 1e3
+
+
+@pytest.mark.parametrize("inside", ["", "street.mcap", "flow.mcap"])
+def test_never_replaces_what_it_reads(street, inside, capsys):
+    before = sorted((path.name, path.stat().st_size) for path in street.iterdir())
+    assert run(["estimate", str(street), "--out", str(street / inside), "--force"]) == 2
+    assert "is the recording that is read" in capsys.readouterr().err
+    assert sorted((path.name, path.stat().st_size) for path in street.iterdir()) == before
 
 
 def test_without_any_flow_there_is_no_recording(street, tmp_path, capsys):
@@ -57,5 +71,5 @@ def test_without_any_flow_there_is_no_recording(street, tmp_path, capsys):
     with BagWriter(tmp_path / "one") as writer:
         writer.write_cloud("/points", encode_columns({"x": np.zeros(1)}, 1, 1), 1, "lidar")
     assert run(["estimate", str(tmp_path / "one"), "--out", str(out)]) == 2
-    assert "nothing was written" in capsys.readouterr().err
+    assert "no sweep of /points has a flow: three sweeps in a row" in capsys.readouterr().err
     assert not out.exists()

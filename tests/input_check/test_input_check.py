@@ -218,10 +218,11 @@ def test_facts_describe_the_stream():
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])
-def test_few_sweeps_and_few_points_are_enough(number):
+def test_too_few_points_are_the_one_fault(number):
     clouds = [cloud.rows(np.arange(number)) for cloud in street(is_rolling=False)[:2]]
     check = checked(clouds)
-    assert not wrong(clouds)
+    (finding,) = wrong(clouds)
+    assert f"a cloud has {number} measured points" in finding.found
     assert check.facts()["frame"] == "lidar"
     assert not InputCheck(Settings()).findings()
 
