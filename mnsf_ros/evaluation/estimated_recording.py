@@ -7,14 +7,15 @@ from typing import Final
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
-from mnsf_ros.errors import MnsfError, RecordingError
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.outcomes import pushed
 from mnsf_ros.evaluation.tracks import Findings, recorded_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.stream.stream import Stream
-from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from msg_utils.point_cloud2 import encode_columns
@@ -50,28 +51,27 @@ def write_estimated(
     Raises:
         RecordingError: No sweep has a flow, or the target cannot be written.
     """
-    findings, num_estimated, num_failed = Findings(), 0, 0
-    reason = "three sweeps in a row are needed"
+    findings, num_estimated, failures = Findings(), 0, list[str]()
+
+    def fail(text: str) -> None:
+        failures.append(text)
+        if len(failures) <= _MAX_TOLD:
+            warn(text)
+
     clouds = recorded_clouds(reader, topic, stream.settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
             done(number)
             if sweep is None or len(sweep) == 0:
                 continue
-            try:
-                estimate = stream.push(sweep)
-            except MnsfError as error:
-                num_failed, reason = num_failed + 1, str(error)
-                if num_failed <= _MAX_TOLD:
-                    warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
-                continue
-            if estimate is not None and stream.triplet is not None:
-                _write(writer, stream.triplet, estimate, stream.settings.node.odom_frame)
+            if (found := pushed(stream, sweep, fail)) is not None:
+                _write(writer, *found, stream.settings.node.odom_frame)
                 num_estimated += 1
         if num_estimated == 0:
+            reason = failures[-1] if failures else "three sweeps in a row are needed"
             raise RecordingError(f"{reader.path}: no sweep of {topic} has a flow: {reason}")
-    if num_failed > _MAX_TOLD:
-        warn(f"and {num_failed - _MAX_TOLD} more sweeps without flow")
+    if len(failures) > _MAX_TOLD:
+        warn(f"and {len(failures) - _MAX_TOLD} more sweeps without flow")
     for damage in findings.damages:
         warn(str(damage))
     return num_estimated

@@ -15,6 +15,7 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.scoring import DROPPED
 from mnsf_ros.stream.latest_only_worker import LatestOnlyQueue
 from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 
 _LOG = logging.getLogger(__name__)
 
@@ -44,6 +45,23 @@ def estimated(stream: Stream, example: Example) -> Outcome:
     start_s = time.perf_counter()
     result = attempted(lambda: stream.flow_of(example.triplet))
     return Outcome(example, result, (time.perf_counter() - start_s) * 1e3)
+
+
+def pushed(
+    stream: Stream, sweep: Sweep, warn: Callable[[str], None]
+) -> tuple[SweepTriplet, FlowEstimate] | None:
+    """Adds the newest sweep to a stream.
+
+    Returns the triplet that it completes, with its flow; None without one. `warn` gets a line if
+    there is no flow for the triplet.
+    """
+    try:
+        estimate = stream.push(sweep)
+    except MnsfError as error:
+        warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
+        return None
+    triplet = stream.triplet
+    return None if estimate is None or triplet is None else (triplet, estimate)
 
 
 def attempted(work: Callable[[], Result]) -> Result | str:

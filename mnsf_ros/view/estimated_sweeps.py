@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
-from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.outcomes import pushed
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.evaluation.tracks import Findings, TruthTrack, recorded_sweeps, truth_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.stream.stream import Stream
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 from mnsf_ros.view.scene_message import Colors, DrawnSweep, error_colors, motion_colors
 
 
@@ -49,14 +49,10 @@ def estimated_sweeps(
         if sweep is None or len(sweep) == 0:
             continue
         number = next(numbers)
-        try:
-            estimate = stream.push(sweep)
-        except MnsfError as error:
-            warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
+        found = pushed(stream, sweep, warn)
+        if found is None:
             continue
-        triplet = stream.triplet
-        if estimate is None or triplet is None:
-            continue
+        triplet, estimate = found
         num_estimates += 1
         known, _ = truth.take(triplet.current)
         yield EstimatedSweep(Example(name, number, triplet, known), estimate)
