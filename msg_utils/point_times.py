@@ -37,6 +37,9 @@ _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "n
 _FEW: Final = 0.05
 _MAX_AWAY: Final = 2.0
 _NUM_SAMPLES: Final = 2000
+# Values that so many points have on average, and that are farther apart than the shortest sweep is
+# long, were rounded: lidars measure a firing, a column or a packet of 1.3 ms at a time.
+_MANY: Final = 10
 # Floats from 0 to about 1 are shares of the interval if that is far from 1 s. Those that span this
 # share of it in milliseconds are such.
 _SHARES: Final = 0.9
@@ -116,6 +119,8 @@ def _times_of(
             f"values from {first:g} to {last:g} {unit} are no sweep of {_SHORTEST_S:g} to "
             f"{_LONGEST_S:g} s"
         )
+    if fault := _rounded(values, unit_s):
+        raise _UnfitError(fault)
     zero, meaning = _zero(first, last, stamp_ns / (NANOSECONDS_PER_SECOND * unit_s), rule)
     values -= zero
     values *= unit_s
@@ -142,6 +147,16 @@ def _without_the_lost(
         values[is_lost] = np.nan
         return float(np.nanmin(values)), float(np.nanmax(values))
     return float(values.min()), float(values.max())
+
+
+def _rounded(values: npt.NDArray[np.float64], unit_s: float) -> str:
+    """Returns the fault of values that were rounded to a few; empty if they were not."""
+    sample = values[:: max(1, len(values) // _NUM_SAMPLES)]
+    few = np.unique(sample[np.isfinite(sample)])
+    step_s = float(few[-1] - few[0]) * unit_s / max(len(few) - 1, 1)
+    if step_s < _SHORTEST_S or len(few) * _MANY > len(sample):
+        return ""
+    return f"only {len(few)} values, {1e3 * step_s:.3g} ms apart: rounded, as by lossy compression"
 
 
 def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:
