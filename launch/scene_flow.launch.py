@@ -38,8 +38,8 @@ ON_WITH_A_BAG = ("use_sim_time", "view")
 ARGUMENTS = {
     "points": (
         "",
-        "PointCloud2 topic of the lidar, or topics of several, separated by commas; empty: the "
-        "only one that is published, or in the bag",
+        "topic of the lidar's clouds, or topics of several, separated by commas; empty or auto: "
+        "the only one that is published, or in the bag",
     ),
     "bag": ("", "recording that is played to the node, from when the node listens"),
     "odometry": ("odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
@@ -101,8 +101,10 @@ def _nodes(context: LaunchContext) -> list[Action]:
 
 def _flow_node(given: dict[str, str]) -> Node:
     frame = given["odom_frame"] or f"{given['namespace']}/scene_flow_odom".lstrip("/")
-    topics = _points(given["points"], given["bag"]).split(",")
+    # The node itself looks for the topic that nobody names.
+    topics = list(filter(None, _points(given["points"], given["bag"]).split(",")))
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
+    own_names = own_names[: len(topics)]
     remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
     several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
     if given["flow"]:
@@ -142,17 +144,14 @@ def _transitions(node: LifecycleNode) -> list[Action]:
 
 
 def _points(topics: str, bag: str) -> str:
-    if bag:
-        from mnsf_ros.recording.bag_reader import BagReader
-        from mnsf_ros.recording.bag_topics import used_topics
-
-        with BagReader(bag) as reader:
-            return topics or used_topics(reader.path, reader.topics).points
-    if topics:
+    topics = topics.removeprefix("auto")
+    if not bag:
         return topics
-    from mnsf_ros.node.raw_topics import only_cloud_topic
+    from mnsf_ros.recording.bag_reader import BagReader
+    from mnsf_ros.recording.bag_topics import used_topics
 
-    return only_cloud_topic()
+    with BagReader(bag) as reader:
+        return topics or used_topics(reader.path, reader.topics).points
 
 
 def _mnsf(*words: str) -> Action:

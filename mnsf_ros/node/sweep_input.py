@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from mnsf_ros.geometry.transforms import mounted_at
+from mnsf_ros.node.cloud_topics import cloud_topics
 from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
@@ -108,8 +109,18 @@ class SweepInput:
             num_parts=self._num_parts,
         )
 
+    @property
+    def silence(self) -> str:
+        """Why no sweep comes, as far as the ROS graph tells."""
+        causes = [fault for one in self._subscriptions if (fault := one.fault)]
+        own = {subscription.topic for subscription in self._subscriptions}
+        others = [topic for topic in cloud_topics(self._node) if topic not in own]
+        if others:
+            causes.append(f"clouds are on {', '.join(others)}: name one with points:=TOPIC")
+        return "; ".join(causes) or "no clouds are published, see ROS_DOMAIN_ID if some should be"
+
     def refresh(self) -> None:
-        """Subscribes anew where the publishers' reliability has changed."""
+        """Subscribes anew where the publishers have changed."""
         for subscription in self._subscriptions:
             subscription.refresh()
 
@@ -146,6 +157,7 @@ class SweepInput:
             self._settings.node.input_reliability,
             partial(self._on_cloud, index),
             self._report,
+            may_search=self._settings.lidars.count == 1,
         )
 
     def _on_cloud(self, index: int, message: PointCloud2) -> None:
