@@ -77,17 +77,18 @@ def test_cloudini_is_told_by_its_data_and_keeps_order_and_number(version):
         np.testing.assert_allclose(points[name], COLUMNS[name], atol=0.00051)
 
 
-def test_times_that_cloudini_has_rounded_to_a_few_values_are_not_used():
+def test_times_that_cloudini_has_rounded_are_told_and_not_used_if_only_a_few_are_left():
     wanted, rule = np.ones(NUM, bool), SimpleNamespace(field="auto", unit="auto", stamp="auto")
 
     def times(resolution):
         cloud = as_cloud(compressed("cloudini", cloudini(resolution=resolution)))
         return decode_times(cloud, wanted, 10**18, rule, 0.1)
 
-    assert times(0.001).times_s is not None
-    rounded = times(0.01)
+    assert "in steps" not in times(0.001).source
+    assert "in steps of 10 ms" in times(0.01).source
+    rounded = times(0.025)
     assert rounded.times_s is None
-    assert "only 11 values, 10 ms apart" in rounded.fault
+    assert "'time': only 5 values: rounded, as by lossy compression" in rounded.fault
 
 
 def test_livox_points_are_those_of_the_message_with_their_times():
