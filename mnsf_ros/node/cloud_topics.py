@@ -51,6 +51,16 @@ def cloud_topics(node: Node) -> list[str]:
     return raw or sorted(name for name, found in classes.items() if found is not None)
 
 
+def unusable_topics(node: Node) -> list[str]:
+    """Returns a text for each topic of clouds that cannot be subscribed to."""
+    return [
+        f"{name} is a {kind}{_ADVICE[kind]}"
+        for name, types in node.get_topic_names_and_types()
+        for kind in types
+        if kind in _ADVICE and cloud_class([kind]) is None
+    ]
+
+
 def _published_types(node: Node, topic: str) -> set[str]:
     """A subscriber's type is none of these."""
     publishers = node.get_publishers_info_by_topic(topic)

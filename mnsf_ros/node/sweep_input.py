@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from mnsf_ros.geometry.transforms import mounted_at
-from mnsf_ros.node.cloud_topics import cloud_topics
+from mnsf_ros.node.cloud_topics import cloud_topics, unusable_topics
 from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
@@ -117,6 +117,7 @@ class SweepInput:
         others = [topic for topic in cloud_topics(self._node) if topic not in own]
         if others:
             causes.append(f"clouds are on {', '.join(others)}: name one with points:=TOPIC")
+        causes = causes or unusable_topics(self._node)
         return "; ".join(causes) or "no clouds are published, see ROS_DOMAIN_ID if some should be"
 
     def refresh(self) -> None:

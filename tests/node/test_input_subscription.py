@@ -1,8 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscription follows its publishers, and counts the clouds that it has missed."""
 
+import array
 import itertools
 import time
+import zlib
 
 import pytest
 import rclpy
@@ -19,6 +21,7 @@ from mnsf_ros.node.cloud_topics import CloudSearch, cloud_topics, fault_of
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.other_clouds import COMPRESSED_TYPE
 
 
 @pytest.mark.parametrize(
@@ -209,21 +212,47 @@ class TestTopicThatNobodyNamed:
         with RawTopics("lidar") as lidar:
             yield lidar
 
-    def test_is_the_only_one_with_clouds(self, lidar, start_node, drive):
-        process, flows = start_node(QUICK), []
+    @pytest.fixture
+    def process(self, own_domain, start_node):
+        process = start_node(QUICK | {"node.stale_after_s": 0.5})
+        yield process
+        process.end()
+
+    def flow_of(self, lidar, process, topic, msgtype, message):
+        """Publishes clouds, by their number, on a topic until there is flow of them."""
+        flows, publisher = [], lidar.publisher(topic, msgtype)
         lidar.subscribe("/scene_flow/flow", CLOUD_TYPE, flows.append)
-        publisher = lidar.publisher("/lidar/points", CLOUD_TYPE)
         for index in itertools.count():
-            publisher.publish(drive.sweep(index))
+            publisher.publish(message(index))
             lidar.spin_for(0.1)
             if flows:
                 break
             assert process.is_running, process.log
             assert index < 10 * PATIENCE_S, process.log
-        assert process.log.count("sweeps from /lidar/points, the only topic of clouds") == 1
+        assert process.log.count(f"sweeps from {topic}, the only topic of clouds") == 1
+        return flows[0]
 
-    def test_is_asked_for_where_there_are_several(self, lidar, start_node):
-        process, messages = start_node(QUICK | {"node.stale_after_s": 0.5}), []
+    def test_is_the_only_one_with_clouds(self, lidar, process, drive):
+        self.flow_of(lidar, process, "/lidar/points", CLOUD_TYPE, drive.sweep)
+
+    def test_may_have_compressed_clouds_where_their_package_is_installed(
+        self, lidar, process, drive
+    ):
+        messages = pytest.importorskip("point_cloud_interfaces.msg")
+
+        def compressed(index):
+            cloud = drive.sweep(index)
+            values = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
+            data = zlib.compress(values.pop("data"))
+            return messages.CompressedPointCloud2(
+                **values, format="zlib", compressed_data=array.array("B", data)
+            )
+
+        flow = self.flow_of(lidar, process, "/points/zlib", COMPRESSED_TYPE, compressed)
+        assert flow.width == drive.sweep(0).width
+
+    def test_is_asked_for_where_there_are_several(self, lidar, process):
+        messages = []
         lidar.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", messages.append)
         for topic in ("/rear", "/front"):
             lidar.publisher(topic, CLOUD_TYPE)
