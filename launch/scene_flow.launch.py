@@ -58,7 +58,10 @@ ARGUMENTS = {
     "rviz": ("false", "also open RViz"),
     "view": ("", "show the flow in a browser; empty: only with a bag"),
     "view_port": ("8766", "port of that page; a second view on one computer needs another"),
-    "fixed_frame": ("", "frame that RViz shows, that of the clouds; empty: lidar"),
+    "fixed_frame": (
+        "",
+        "frame of the clouds, for RViz; empty: that in the bag, or lidar",
+    ),
 }
 
 
@@ -80,6 +83,10 @@ def _nodes(context: LaunchContext) -> list[Action]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     if not Path(given["params_file"]).is_file():
         raise SettingsError(f"params_file: there is no file {given['params_file']}")
+    if given["points"] == "auto":
+        given["points"] = ""
+    if given["bag"]:
+        _look_into_bag(given)
     for name in ON_WITH_A_BAG:
         given[name] = given[name] or str(bool(given["bag"]))
     for name in SWITCHES:
@@ -102,7 +109,7 @@ def _nodes(context: LaunchContext) -> list[Action]:
 def _flow_node(given: dict[str, str]) -> Node:
     frame = given["odom_frame"] or f"{given['namespace']}/scene_flow_odom".lstrip("/")
     # The node itself looks for the topic that nobody names.
-    topics = list(filter(None, _points(given["points"], given["bag"]).split(",")))
+    topics = given["points"].split(",") if given["points"] else []
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
     own_names = own_names[: len(topics)]
     remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
@@ -143,15 +150,16 @@ def _transitions(node: LifecycleNode) -> list[Action]:
     return [RegisterEventHandler(configured), RegisterEventHandler(started)]
 
 
-def _points(topics: str, bag: str) -> str:
-    topics = topics.removeprefix("auto")
-    if not bag:
-        return topics
+def _look_into_bag(given: dict[str, str]) -> None:
+    """Names the topic of the lidar and the frame of its clouds, unless they are given."""
     from mnsf_ros.recording.bag_reader import BagReader
     from mnsf_ros.recording.bag_topics import used_topics
 
-    with BagReader(bag) as reader:
-        return topics or used_topics(reader.path, reader.topics).points
+    with BagReader(given["bag"]) as reader:
+        if not given["points"]:
+            given["points"] = used_topics(reader.path, reader.topics).points
+            cloud = next(reader.messages(given["points"]))
+            given["fixed_frame"] = given["fixed_frame"] or cloud.header.frame_id
 
 
 def _mnsf(*words: str) -> Action:

@@ -124,11 +124,12 @@ def test_several_lidars_and_a_flow_that_takes_its_parts_along(prefix: Path) -> N
 
 def test_a_bag_is_played_and_shown(prefix: Path, make_street) -> None:
     street = make_street()
-    status, output = launched(prefix, f"bag:={street}", "namespace:=front")
+    status, output = launched(prefix, f"bag:={street}", "namespace:=front", "rviz:=true")
     assert status == 0, output
     assert f"started mnsf play {street} --clock --wait" in output
     assert "started mnsf view --node /front/scene_flow --port 8766" in output
     assert "~/points:=/points " in output
+    assert "--fixed-frame lidar" in output
     (path,) = (word for word in output.split() if Path(word).name.startswith("launch_params"))
     assert "use_sim_time: true" in Path(path).read_text()
 

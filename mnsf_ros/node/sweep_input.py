@@ -230,7 +230,7 @@ class SweepInput:
         by_tf = self._settings.ego_motion.source == "tf"
         try:
             if by_tf and self.transforms is not None:
-                fixed_frame = self._settings.tf.fixed_frame
+                fixed_frame = self.transforms.fixed_frame(self._settings.tf.fixed_frame)
                 pose = self.transforms.find(fixed_frame, sweep.frame_id, sweep.stamp_ns)
                 return replace(sweep, odometry=pose)
             return self._odometry.located(sweep)
