@@ -41,8 +41,8 @@ _NUM_SAMPLES: Final = 2000
 # packet at a time, of 2 ms at most.
 _COARSE_S: Final = 0.003
 _MANY: Final = 10
-# Simulated sweeps with times in steps of 10 ms are as good as with exact ones; with steps of 25 ms,
-# they are no better than without.
+# Flow of simulated sweeps with times in steps of 10 ms is as good as with exact ones; in steps of
+# 25 ms it is worse than without.
 _FEWEST: Final = 8
 # Floats from 0 to about 1 are shares of the interval if that is far from 1 s. Those that span this
 # share of it in milliseconds are such.
