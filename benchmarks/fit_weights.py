@@ -4,7 +4,7 @@
     python benchmarks/fit_weights.py [--sweeps N] [--seeds A B] [--cache DIR]
 
 Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
-scratch. Prints weights for mnsf_ros/online/decision.py (the gate) and
+scratch. Prints weights for mnsf_ros/online/gate.py (the gate) and
 mnsf_ros/online/confidence.py, and the loss with these and with the current weights. A recording
 counts by the root of its samples. movers.py shows how well the confidence holds on the other half
 and on other worlds.

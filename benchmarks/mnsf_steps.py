@@ -22,7 +22,7 @@ from world_scores import NUM_FIRST, found_share, scored
 
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.methods.live_mnsf import LiveMnsfEstimator
-from mnsf_ros.online.scene import ReadySweeps
+from mnsf_ros.online.preparation import ReadySweeps
 
 _NUM_SWEEPS: Final = 24
 _COLD: Final = "mnsf+warm_start.enabled=false"

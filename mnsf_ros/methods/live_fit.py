@@ -19,7 +19,7 @@ from mnsf_ros.networks.optimization import Schedule
 from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.networks.warm_networks import WarmNetworks
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S

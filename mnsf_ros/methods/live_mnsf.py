@@ -29,7 +29,7 @@ from mnsf_ros.networks.warm_networks import WarmNetworks
 from mnsf_ros.online.motions import JudgedMotions, judge
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.online.object_sweep import ObjectSweep
-from mnsf_ros.online.scene import ReadySweeps, Scene
+from mnsf_ros.online.preparation import ReadySweeps, Scene
 from mnsf_ros.online.suspects import are_worth_a_fit
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Target

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.rows import Rows
+from mnsf_ros.online.object_points import ObjectPoints, Rows
 from mnsf_ros.online.tracks import MIN_SHARE, Track, expecting_shares
 
 

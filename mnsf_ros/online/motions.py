@@ -9,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.online.rows import Rows
+from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, Rows
 from mnsf_ros.online.target import NUM_STEPS, Target, Targets
 
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.online.decision import decided
 from mnsf_ros.online.first_guess import first_guesses
+from mnsf_ros.online.gate import decided
 from mnsf_ros.online.motion_memory import MotionMemory
 from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
 from mnsf_ros.online.output import flow_of, to_points
+from mnsf_ros.online.preparation import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.online.reasons import Reasons
-from mnsf_ros.online.scene import PreparedSweeps, ReadySweeps, Scene
 from mnsf_ros.online.sightings import Sightings
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.table import ObjectTable

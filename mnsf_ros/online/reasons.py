@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, V
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import FITTED, ObjectTable
 from mnsf_ros.online.target import Target
 from mnsf_ros.sweeps.sweep import NANOSECONDS

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.online.expectation import Expectation
 from mnsf_ros.online.motions import JudgedMotions
-from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.rows import Rows
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.object_points import ObjectPoints, Rows
+from mnsf_ros.online.preparation import Scene
 
 # Columns of the evidence for and against a motion.
 NUM_FEATURES: Final = 8

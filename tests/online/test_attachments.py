@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_scenes import SETTINGS, objects_of, prepared, rows, surface
 
-from mnsf_ros.online.output import attached
+from mnsf_ros.online.attachments import attached
 
 CAR = surface((8.0, 0.0, 0.0), size=(3.9, 1.8, 1.2), num_points=3000)
 # One empty cell of 0.25 m is between it and the end of the car at x = 9.95.

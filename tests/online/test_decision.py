@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, rows, surface, table_of, target
 
-from mnsf_ros.online.decision import evidence, free_space, moves, moving_scores
 from mnsf_ros.online.expectation import Expectation
+from mnsf_ros.online.gate import evidence, free_space, moves, moving_scores
 from mnsf_ros.online.motions import best_of, judge
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.target import Targets

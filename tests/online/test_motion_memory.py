@@ -13,7 +13,7 @@ from small_scenes import moved_by, rows, table_of
 from mnsf_ros.online.expectation import Expectation
 from mnsf_ros.online.motion_memory import MotionMemory
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import PreparedSweeps
+from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.online.sightings import Sightings
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet

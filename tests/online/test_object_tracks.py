@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from small_scenes import moved_by, rows, surface, table_of
 
+from mnsf_ros.online.gate import mover_groups
 from mnsf_ros.online.motion_memory import follow
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.sightings import Sightings, mover_groups
+from mnsf_ros.online.sightings import Sightings
 from mnsf_ros.online.tracks import alive
 
 INTERVAL_S = 0.1

@@ -9,7 +9,7 @@ import pytest
 from box_street import BoxStreet, pose, stamp_ns, unrelated_sweep
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.online.scene import PreparedSweeps
+from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -9,7 +9,7 @@ from small_scenes import objects_of, prepared, surface, target
 
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
-from mnsf_ros.online.scene import split
+from mnsf_ros.online.splitting import split
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -1,17 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which objects move: all evidence in one number, and its limits."""
+"""The gate: all evidence that an object moves in one number, and its limits."""
 
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.motions import JudgedMotions, are_same, judge, residual_rise_m
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.online.scene import Scene
-from mnsf_ros.online.sightings import mover_groups
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Targets
 from mnsf_ros.settings import ObjectSettings
@@ -165,3 +167,28 @@ def moves(
     may_move &= are_parts | (scores >= best[numbers])
     may_move &= ~are_parts | ~np.isin(wholes, numbers[may_move])
     return may_move, may_move & (scores > limit)
+
+
+def mover_groups(
+    movers: ObjectPoints,
+    motions: NDArray[np.float32],
+    points: NDArray[np.float32],
+    owners: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Returns (K,) the group, from 0, of each of K movers that touch and move alike.
+
+    Args:
+        movers: K objects that move.
+        motions: (K, 3) metres, their motions to the next sweep.
+        points: (A, 3) metres, all their points: the chosen points of long ones are far apart.
+        owners: (A,) the rows of their movers.
+    """
+    if len(movers) == 0:
+        return np.zeros(0, np.int64)
+    are_touching = PointGrid(points).touching(movers.positions, movers.owners, owners)
+    np.fill_diagonal(are_touching, val=False)
+    first, second = np.nonzero(are_touching)
+    is_one = are_same(motions[first], motions[second])
+    ones = np.ones(np.count_nonzero(is_one), np.int8)
+    graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)
+    return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -1,17 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The last sweeps, each prepared once, and the targets of the current one."""
+"""Preparation: each sweep once; then the sweeps of one estimate."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
-
-import numpy as np
 
 from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.own_body import OwnBody
+from mnsf_ros.online.splitting import split
 from mnsf_ros.online.target import Target, Targets
 from mnsf_ros.online.tracks import Track
 from mnsf_ros.settings import ObjectSettings, Settings
@@ -122,22 +121,6 @@ def _related(sweeps: Iterable[ObjectSweep]) -> Iterator[ObjectSweep]:
         yield sweep
         if sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
             return
-
-
-def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
-    """Returns the sweep with new points as parts of the objects that they touch.
-
-    A point is new if another sweep saw through its place and had no point near it. It may belong
-    to a pedestrian in a row of parked cars, or to the front of a bus; `moves` decides.
-
-    Args:
-        current: The sweep.
-        targets: Sweeps before it.
-    """
-    has_come = np.zeros(len(current.thinned), dtype=bool)
-    for target in targets:
-        has_come |= target.are_new(current.thinned)
-    return current.with_parts(np.flatnonzero(has_come & (current.thinned_objects > 0)))
 
 
 @dataclass(frozen=True, eq=False)
