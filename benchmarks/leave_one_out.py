@@ -21,8 +21,7 @@ from frame import Table, make_parser, publish
 from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
-from mnsf_ros.online import attachments, gate, motions, object_flow, preparation, target
-from mnsf_ros.online.turning import whole
+from mnsf_ros.online import attachments, gate, motions, preparation, target, turning
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
@@ -35,6 +34,10 @@ def _without_term(term: int) -> tuple[Any, str, Any]:
     weights = np.array(gate._WEIGHTS)
     weights[term] = 0.0
     return gate, "_WEIGHTS", tuple(weights)
+
+
+def _without_turns(_movers: Any, groups: Any, motions: Any, *_: Any) -> Any:  # noqa: ANN401
+    return turning.rigid_heads(motions[groups])
 
 
 _WITH_CEILINGS: Final = preset("online").changed({"objects.max_height_m": 100.0})
@@ -56,7 +59,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
     "splitting": (preparation, "split", lambda current, _: current),
     "attachments": (attachments, "attached", lambda *_: np.zeros((2, 0), int)),
-    "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
+    "turning": (turning, "turning", _without_turns),
     "longer steps of fits": (motions, "_STEP", 1.0),
     "what moves goes on as it did": (motions, "_PRIOR_SCALE", np.inf),
     "preference for fitted motions": (motions, "CLEARLY_SHARE", 1.0),

@@ -115,8 +115,7 @@ class LiveFit:
         self._few = objects.thinner()
         self._few_inputs = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
         self._widths = self._tensor(objects.spacing + _FADING_M)
-        self._next, *before = scene.targets.near
-        self._previous: Target | None = before[0] if before else None
+        self._next, self._previous = scene.targets.next, scene.targets.previous
         self._intervals = scene.usual_interval_s / USUAL_INTERVAL_S
         self._expected: NDArray[np.float32] = np.zeros((len(objects), 3), np.float32)
         self._started_s = time.monotonic()

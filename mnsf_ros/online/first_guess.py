@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
-from mnsf_ros.online.motions import best_of, fit_motion_field
+from mnsf_ros.online.motions import CLEARLY_SHARE, JudgedMotions, best_of, fit_motion_field
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.preparation import Scene
-from mnsf_ros.online.suspects import are_worth_a_fit
 from mnsf_ros.online.table import ObjectTable
-from mnsf_ros.online.target import Target
+from mnsf_ros.online.target import Target, Targets
 
 # In older sweeps, only motions within this of the best one in the neighbouring sweeps are tried:
 # the work grows with the square.
@@ -29,30 +29,48 @@ _MAX_CELLS_OF_MARGIN: Final = 64
 _NUM_LEVELS: Final = 16
 
 
-def first_guesses(
-    table: ObjectTable, scene: Scene
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
+def with_first_guesses(table: ObjectTable, scene: Scene) -> ObjectTable:
+    """Fills `start` of the suspects, and rejects those that no motion explains clearly better.
 
     First the candidates are no motion, the shift with most votes in the neighbouring sweeps, and
     the track's prediction. Then the older sweeps vote on shifts around the best of these. They help
     with slow objects, and with long ones whose sides look the same everywhere.
 
     Args:
-        table: K suspects.
+        table: All objects.
         scene: The sweeps.
     """
-    if len(table) == 0:
-        return table.start, np.zeros(0, dtype=bool)
-    some, expected, best = table.points.thinner(), table.expected, table.standing
+    suspects = table.take(table.open_rows)
+    if len(suspects) == 0:
+        return table
+    some, prior, best = suspects.points.thinner(), suspects.prior, suspects.static
     targets, interval_s = scene.targets, scene.usual_interval_s
     reach_m, changed_m = scene.settings.max_speed_m_s * interval_s, _MAX_CHANGE_M_S * interval_s
     voted = voted_motions(some, targets.near, reach_m, best.motions)
-    best = best_of(some, targets, best, expected.candidates(voted), expected.prior_cost)
+    best = best_of(some, targets, best, prior.candidates(voted), prior)
     if targets.past:
         voted = voted_motions(some, targets.past, changed_m, best.motions)
-        best = best_of(some, targets, best, [voted], expected.prior_cost)
-    return best.motions, are_worth_a_fit(table, best, targets)
+        best = best_of(some, targets, best, [voted], prior)
+    return with_start(table, best, targets)
+
+
+def with_start(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> ObjectTable:
+    """Fills `start` of the K open objects, and rejects those that it does not explain better.
+
+    It must explain an object clearly better than no motion does, or the object must have a track.
+    Without older sweeps all objects are kept: the neighbouring sweeps cannot decide.
+
+    Args:
+        table: All objects.
+        judged: Motions of the K objects.
+        targets: The other sweeps.
+    """
+    rows = table.open_rows
+    suspects = table.take(rows)
+    explains = judged.total < CLEARLY_SHARE * suspects.static.total
+    is_kept = suspects.prior.has_track | explains | (not targets.past)
+    table = table.put(rows, start=judged.motions)
+    return table.rejected(rows[~is_kept], Verdict.NO_BETTER_MOTION)
 
 
 def voted_motions(

@@ -1,13 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Motions of objects: fitted to one sweep, judged on all, and the best of several (fusion)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, Rows
 from mnsf_ros.online.target import NUM_STEPS, Target, Targets
@@ -25,8 +26,53 @@ _BESIDE_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
-# Motions (K, 3) to their prior costs, see `Expectation.prior_cost`.
-PriorCost = Callable[[NDArray[np.float32]], NDArray[np.float64]]
+
+@dataclass(frozen=True, eq=False)
+class TrackPrior(Rows):
+    """What tracks predict of K objects: the prior of their motions.
+
+    Attributes:
+        shares: (K,) share of an object's points that lie where its track predicts them; 0 without a
+            track.
+        motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
+        turn_rates: (K,) radians per second; 0 without a track.
+        log_odds: (K,) that their track moves; 0 without one.
+        deviations_m: (K,) standard deviation of the motions along each axis; 1 without a track.
+    """
+
+    shares: NDArray[np.float64]
+    motions: NDArray[np.float32]
+    turn_rates: NDArray[np.float64]
+    log_odds: NDArray[np.float64]
+    deviations_m: NDArray[np.float64]
+
+    @classmethod
+    def without_tracks(cls, number: int) -> "TrackPrior":
+        """Returns the prior of so many objects without tracks."""
+        nothing, motions = np.zeros(number), np.zeros((number, 3), np.float32)
+        return cls(nothing, motions, nothing, nothing, np.ones(number))
+
+    @property
+    def has_track(self) -> NDArray[np.bool_]:
+        """(K,) whether an object has a track."""
+        return self.shares > 0
+
+    def cost(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (K,) the prior costs of motions (K, 3), metres: their negative log-likelihood.
+
+        A moving track predicts its object's motion within the errors of the track. If the track
+        does not move, or predicts no more than half of the object's points, all motions are equally
+        likely and the cost is 0, as it is without a track.
+        """
+        moves = expit(self.log_odds) * (self.shares > 0.5)
+        apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
+        return np.asarray(-np.log(moves * np.exp(-apart / 2) + 1 - moves), np.float64)
+
+    def candidates(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Returns (K, 3) metres each: the given motions, and the predictions if there are any."""
+        if not self.has_track.any():
+            return [motions]
+        return [motions, np.where(self.has_track[:, None], self.motions, motions)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +105,19 @@ class JudgedMotions(Rows):
         """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.cost
 
-    def posterior_cost(self, prior_cost: PriorCost) -> NDArray[np.float64]:
+    def posterior_cost(self, prior: TrackPrior) -> NDArray[np.float64]:
         """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""
-        excess = np.exp(prior_cost(self.motions) / _PRIOR_SCALE)
+        excess = np.exp(prior.cost(self.motions) / _PRIOR_SCALE)
         return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
 
     def better(
-        self, other: "JudgedMotions", prior_cost: PriorCost, share: float = 1.0
+        self, other: "JudgedMotions", prior: TrackPrior, share: float = 1.0
     ) -> "JudgedMotions":
         """Returns for each object its own motion, or the other one if that is more likely.
 
         The other motion wins if its posterior cost is less than `share` times the own one.
         """
-        wins = other.posterior_cost(prior_cost) < share * self.posterior_cost(prior_cost)
+        wins = other.posterior_cost(prior) < share * self.posterior_cost(prior)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -142,7 +188,7 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
-    prior_cost: PriorCost,
+    prior: TrackPrior,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -151,14 +197,14 @@ def best_of(
         targets: The other sweeps.
         first: Judged motions.
         others: (K, 3) metres each, further candidates.
-        prior_cost: Of motions.
+        prior: Of motions.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    excess = np.exp(np.concatenate([prior_cost(each) for each in others]) / _PRIOR_SCALE)
-    most_m = np.tile(first.posterior_cost(prior_cost), len(others)) / excess - 2 * NOISE_M
+    excess = np.exp(np.concatenate([prior.cost(each) for each in others]) / _PRIOR_SCALE)
+    most_m = np.tile(first.posterior_cost(prior), len(others)) / excess - 2 * NOISE_M
     motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
     objects = objects.repeated(len(others)).take(new)
     found = judge(objects, targets, motions[new], most_m=most_m[new])
@@ -168,7 +214,7 @@ def best_of(
     near[new], past[new] = found.near, found.past
     judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.take(rows), prior_cost)
+        first = first.better(judged.take(rows), prior)
     return first
 
 
@@ -176,9 +222,9 @@ def fuse_motions(
     objects: ObjectPoints,
     targets: Targets,
     forward: NDArray[np.float32],
-    inverted: NDArray[np.float32],
+    inverted: NDArray[np.float32] | None,
     others: Sequence[NDArray[np.float32]],
-    prior_cost: PriorCost,
+    prior: TrackPrior,
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
@@ -186,16 +232,16 @@ def fuse_motions(
         objects: K objects.
         targets: The other sweeps.
         forward: (K, 3) metres, the forward flow.
-        inverted: (K, 3) metres, the inverted backward flow.
+        inverted: (K, 3) metres, the inverted backward flow; None without a previous sweep.
         others: (K, 3) metres each, further candidates.
-        prior_cost: Of motions.
+        prior: Of motions.
     """
+    if inverted is None:
+        return best_of(objects, targets, judge(objects, targets, forward), others, prior)
     mean = np.float32(0.5) * (forward + inverted)
-    fitted = best_of(
-        objects, targets, judge(objects, targets, mean), (forward, inverted), prior_cost
-    )
-    best = best_of(objects, targets, fitted, others, prior_cost)
-    return fitted.better(best, prior_cost, CLEARLY_SHARE)
+    fitted = best_of(objects, targets, judge(objects, targets, mean), (forward, inverted), prior)
+    best = best_of(objects, targets, fitted, others, prior)
+    return fitted.better(best, prior, CLEARLY_SHARE)
 
 
 def residual_rise_m(

@@ -11,32 +11,24 @@ from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.attachments import rows_of_movers
-from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, standing_confidence
+from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, static_confidence
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
-from mnsf_ros.online.tracks import Track
-from mnsf_ros.online.turning import Heads, encoded, headed
+from mnsf_ros.online.tracker import Track
+from mnsf_ros.online.turning import encoded, headed
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
-def to_points(
-    scene: Scene,
-    table: ObjectTable,
-    heads: Heads,
-    tracks: Sequence[Track],
-    ids: NDArray[np.int64],
-) -> OverGround:
+def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> OverGround:
     """Returns motion, confidence and track of all points of the current sweep.
 
     Args:
         scene: The sweeps.
-        table: Its objects, K of which move.
-        heads: (K, 3, 3) motions and turns of these K.
+        table: Its objects.
         tracks: All tracks.
-        ids: (K,) the numbers of the K objects' tracks.
     """
-    current, next_ = scene.current, scene.targets.near[0]
+    current, next_ = scene.current, scene.targets.next
     owners, movers, doubtful = current.objects(), table.movers, table.doubtful
     rows = rows_of_movers(scene, movers, doubtful.points.numbers, owners)
     is_dynamic = rows >= 0
@@ -45,9 +37,12 @@ def to_points(
     motion = np.zeros((len(owners), 3), np.float32)
     track_ids = np.zeros(len(owners), np.int32)
     offsets = np.take(current.xyz, own, axis=0) - movers.points.centers[rows]
-    motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
+    motion[own], track_ids[own] = (
+        headed(encoded(offsets), rows, movers.heads),
+        movers.track_ids[rows],
+    )
     confidence = _static_confidence(current, owners, doubtful)
-    confidence[own] = moving_confidence(movers.moving, movers.scores, movers.residual_rise)[rows]
+    confidence[own] = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.
@@ -88,9 +83,9 @@ def _static_confidence(
     current: ObjectSweep, owners: NDArray[np.int64], doubtful: ObjectTable
 ) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
-    confidence = standing_confidence(current.xyz)
+    confidence = static_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
-    doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.standing)
+    doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.static)
     in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
     confidence[in_doubt] = doubts[owners[in_doubt]]
     return confidence
@@ -164,7 +159,9 @@ def _told(
 
 def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
     """Whether the object likely moves, and most of its predicted points (P, 3) are occluded."""
-    return track.score > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(points)
+    return track.log_odds > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(
+        points
+    )
 
 
 @compiled("float64[::1](float32[:, ::1], float64[::1])")

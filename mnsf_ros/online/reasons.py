@@ -53,7 +53,7 @@ class Reasons:
             motion = self.table.moving.motions[row]
             evidence = {
                 "points new or gone": float(self.table.free[row]),
-                "probability": float(expit(self.table.scores[row])),
+                "probability": float(expit(self.table.log_odds[row])),
             }
         return Reason(
             verdict,

@@ -105,8 +105,8 @@ class Target:
         return transformed(chosen_points(points, is_gone), self.to_current)
 
     @property
-    def objects_beside_gone(self) -> NDArray[np.int64]:
-        """The numbers of the objects of the current sweep that are beside points that are gone."""
+    def objects_near_gone(self) -> NDArray[np.int64]:
+        """The numbers of the objects of the current sweep that are near points that are gone."""
         nearest = self.current.grid.nearest(self.gone)
         labels = self.current.thinned_objects[nearest[nearest >= 0]]
         return np.append(labels, self.current.wholes[labels])
@@ -198,3 +198,13 @@ class Targets:
 
     near: Sequence[Target]
     past: Sequence[Target]
+
+    @property
+    def next(self) -> Target:
+        """The next sweep."""
+        return self.near[0]
+
+    @property
+    def previous(self) -> Target | None:
+        """The previous sweep, where there is one."""
+        return self.near[1] if len(self.near) > 1 else None

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.object_points import ObjectPoints
+from mnsf_ros.online.preparation import Scene
+from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import NUM_STEPS, Target, Targets
 
 # Prior weights of the constant and of the offsets, in points: objects are nearly rigid.
@@ -27,7 +29,9 @@ _HALF_WEIGHT_M: Final = 0.1
 Heads = NDArray[np.float64]
 
 
-def whole(motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0) -> Heads:
+def rigid_heads(
+    motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0
+) -> Heads:
     """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres and turn by (K,) radians.
 
     Turns are small angles about the middle, positive to the left.
@@ -159,6 +163,17 @@ def _normal_equations(
     return left, right
 
 
+def with_turns(table: ObjectTable, scene: Scene) -> ObjectTable:
+    """Fills `heads` of the movers: how their groups move and turn."""
+    movers = table.movers
+    moving, groups = np.unique(movers.groups, return_inverse=True)
+    turns = np.zeros(len(moving))
+    turns[groups] = movers.prior.turn_rates * scene.usual_interval_s
+    motions = table.group_motions[moving].astype(np.float32)
+    heads = turning(movers.points, groups, motions, turns, scene.targets)
+    return table.put(table.mover_rows, heads=heads)
+
+
 def turning(
     movers: ObjectPoints,
     groups: NDArray[np.int64],
@@ -180,17 +195,17 @@ def turning(
         turns: (G,) radians, their expected turns until then.
         targets: The other sweeps.
     """
-    things = movers.joined(groups)
-    straight = whole(motions)
-    points = EncodedPoints(things, motions, targets.near)
-    start = whole(motions, turns)
+    bodies = movers.joined(groups)
+    straight = rigid_heads(motions)
+    points = EncodedPoints(bodies, motions, targets.near)
+    start = rigid_heads(motions, turns)
     bent = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
-    stiff = whole(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
+    stiff = rigid_heads(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
     before, after = (
         np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
         for heads in (straight, stiff)
     )
     heads = np.where((after < before)[:, None, None], stiff, straight)[groups]
-    offsets = encoded(movers.centers - things.centers[groups])
+    offsets = encoded(movers.centers - bodies.centers[groups])
     heads[:, 0] = (offsets[:, :, None] * heads).sum(axis=1)
     return heads
