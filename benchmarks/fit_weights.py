@@ -160,7 +160,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
     features = static_features(truth.sweep.xyz[rows[static]])
     ones = np.ones(len(static))
     yield "static", Samples(features, is_close[static].astype(float), ones, said[static])
-    fitted = table.take(np.flatnonzero([verdict in FITTED for verdict in table.verdicts]))
+    fitted = table.select(np.flatnonzero([verdict in FITTED for verdict in table.verdicts]))
     yield "gate", _gate_samples(fitted, owners, _true_motion(truth, next_)[rows])
 
 
@@ -192,7 +192,7 @@ def _gate_samples(
         elif moves < 0.1:
             counts[row] = 1.0
     kept = counts > 0
-    said = 1 / (1 + np.exp(-fitted.scores[kept]))
+    said = 1 / (1 + np.exp(-fitted.log_odds[kept]))
     return Samples(features[kept], shares[kept], counts[kept], said)
 
 

@@ -60,7 +60,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "splitting": (preparation, "split", lambda current, _: current),
     "attachments": (attachments, "attached", lambda *_: np.zeros((2, 0), int)),
     "turning": (turning, "turning", _without_turns),
-    "longer steps of fits": (motions, "_STEP", 1.0),
+    "longer steps of fits": (motions, "_OVER_RELAXATION", 1.0),
     "what moves goes on as it did": (motions, "_PRIOR_SCALE", np.inf),
     "preference for fitted motions": (motions, "CLEARLY_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),

@@ -93,13 +93,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         Raises:
             OptimizationError: If a loss or the flow is not finite.
         """
-        suspects = table.take(table.open_rows)
+        suspects = table.select(table.open_rows)
         motions = self._fitted(suspects.points, scene, clock)
         with clock.stage("residuals"):
             some = suspects.points.thinner()
             table = with_start(table, judge(some, scene.targets, motions), scene.targets)
             rows = table.open_rows
-            kept = table.take(rows)
+            kept = table.select(rows)
             return table.put(rows, moving=judge(kept.points, scene.targets, kept.start))
 
     def _fitted(

@@ -15,26 +15,27 @@ from mnsf_ros.online.table import ObjectTable
 
 
 def rows_of_movers(
-    scene: Scene,
-    moving: ObjectTable,
-    doubtful: NDArray[np.int64],
-    owners: NDArray[np.int64],
+    scene: Scene, table: ObjectTable, objects: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Returns (N,) the mover from 0 that each point, of an object (N,), moves with; -1 for none.
+    """Returns (N,) the row among the movers that each point moves with; -1 for none.
 
-    Suspects that were not found to move, with these numbers, may be fragments of movers.
+    Args:
+        scene: The sweeps.
+        table: The objects. Suspects that were not found to move may be fragments of movers.
+        objects: (N,) the object of each point of the current sweep.
     """
-    current, movers = scene.current, moving.points
-    rows = movers.rows_of(current.num_objects)[owners]
-    are_loose = current.counts < scene.settings.min_points
-    are_loose[doubtful] = True
+    current, movers = scene.current, table.movers.points
+    rows = movers.rows_of(current.num_objects)[objects]
+    is_loose = current.counts < scene.settings.min_points
+    is_loose[table.doubtful.points.numbers] = True
     # A static whole with a moving part is no fragment.
-    are_loose[current.wholes[movers.numbers]] = False
-    are_loose[0] = False
-    beside, their_rows = attached(current, owners, movers, are_loose)
-    rows[beside] = their_rows
+    is_loose[current.wholes[movers.numbers]] = False
+    is_loose[0] = False
+    attached_points, their_rows = attached(current, objects, movers, is_loose)
+    rows[attached_points] = their_rows
     if current.clock is not None:
-        velocities = moving.moving.motions[movers.owners] / np.float32(scene.usual_interval_s)
+        motions = table.movers.moving.motions[movers.owners]
+        velocities = motions / np.float32(scene.usual_interval_s)
         again, their_rows = current.clock.owners_again(
             current.xyz, movers.positions, velocities, movers.owners
         )
@@ -45,40 +46,40 @@ def rows_of_movers(
 
 def attached(
     current: ObjectSweep,
-    owners: NDArray[np.int64],
+    objects: NDArray[np.int64],
     movers: ObjectPoints,
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns which points beside movers move with them.
+    """Returns which points near movers move with them.
 
     Args:
         current: The sweep.
-        owners: (N,) the object of each point, see `ObjectSweep.objects`.
+        objects: (N,) the object of each point, see `ObjectSweep.objects`.
         movers: K objects that move.
-        is_loose: (all objects of the sweep,) those that may be fragments: not known to be static.
+        is_loose: (all objects of the sweep,) those that may be fragments of movers.
 
     Returns:
         (M,) the points, none of the movers' own among them, and (M,) the row of the mover of each.
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    points, point_rows = movers.all_points(current)
-    may_belong = is_loose[owners] | (current.heights > NOISE_M) & ~current.kept
-    beside = _beside(points, current.xyz, may_belong)
-    theirs, places = owners[beside], np.take(current.xyz, beside, axis=0)
-    nearest = np.full(len(beside), -1)
-    is_part = is_loose[theirs]
-    nearest[is_part] = PointGrid(points).nearest(places[is_part])
+    points, owners = movers.all_points(current)
+    may_belong = is_loose[objects] | (current.heights > NOISE_M) & ~current.kept
+    near = _near_from_above(points, current.xyz, may_belong)
+    near_objects, places = objects[near], np.take(current.xyz, near, axis=0)
+    nearest = np.full(len(near), -1)
+    is_fragment = is_loose[near_objects]
+    nearest[is_fragment] = PointGrid(points).nearest(places[is_fragment])
     # Points taken for ground belong to a mover if their height above the ground exceeds their
     # horizontal distance to the mover.
-    higher_m = current.heights[beside] - spacing_of(places) / 2
-    is_low = ~is_part & (higher_m > 0)
+    higher_m = current.heights[near] - spacing_of(places) / 2
+    is_low = ~is_fragment & (higher_m > 0)
     nearest[is_low] = _above(points, places[is_low], higher_m[is_low])
-    # A fragment moves as a whole, or not at all.
-    whole = np.bincount(owners[is_loose[owners]], minlength=current.num_objects)
-    goes = 2 * np.bincount(theirs[nearest >= 0], minlength=current.num_objects) > whole
-    is_attached = (nearest >= 0) & goes[theirs]
-    return beside[is_attached], point_rows[nearest[is_attached]]
+    # Either all points of a fragment move, or none.
+    sizes = np.bincount(objects[is_loose[objects]], minlength=current.num_objects)
+    num_near = np.bincount(near_objects[nearest >= 0], minlength=current.num_objects)
+    is_attached = (nearest >= 0) & (2 * num_near > sizes)[near_objects]
+    return near[is_attached], owners[nearest[is_attached]]
 
 
 def _above(
@@ -96,7 +97,7 @@ def _above(
 
 
 @compiled("int64[::1](float32[:, ::1], float32[:, ::1], boolean[::1])")
-def _beside(
+def _near_from_above(
     points: NDArray[np.float32], places: NDArray[np.float32], wanted: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """Returns the rows of the wanted places (N, 3) that are near points (P, 3) as seen from above.
@@ -110,15 +111,15 @@ def _beside(
     low_x, low_y = low_x - REACH_M, low_y - REACH_M
     num_rows = int((high_x - low_x) / REACH_M) + 2
     num_columns = int((high_y - low_y) / REACH_M) + 2
-    is_beside = np.zeros((num_rows, num_columns), np.bool_)
+    is_near = np.zeros((num_rows, num_columns), np.bool_)
     for row in range(len(points)):
         x, y = int((points[row, 0] - low_x) / REACH_M), int((points[row, 1] - low_y) / REACH_M)
-        is_beside[x - 1 : x + 2, y - 1 : y + 2] = True
+        is_near[x - 1 : x + 2, y - 1 : y + 2] = True
     found, number = np.empty(len(places), np.int64), 0
     for row in range(len(places)):
         x, y = (places[row, 0] - low_x) / REACH_M, (places[row, 1] - low_y) / REACH_M
         is_inside = (0 <= x < num_rows) & (0 <= y < num_columns)
-        if wanted[row] and is_inside and is_beside[int(x), int(y)]:
+        if wanted[row] and is_inside and is_near[int(x), int(y)]:
             found[number] = row
             number += 1
     return found[:number].copy()

@@ -40,7 +40,7 @@ def with_first_guesses(table: ObjectTable, scene: Scene) -> ObjectTable:
         table: All objects.
         scene: The sweeps.
     """
-    suspects = table.take(table.open_rows)
+    suspects = table.select(table.open_rows)
     if len(suspects) == 0:
         return table
     some, prior, best = suspects.points.thinner(), suspects.prior, suspects.static
@@ -66,7 +66,7 @@ def with_start(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> O
         targets: The other sweeps.
     """
     rows = table.open_rows
-    suspects = table.take(rows)
+    suspects = table.select(rows)
     explains = judged.total < CLEARLY_SHARE * suspects.static.total
     is_kept = suspects.prior.has_track | explains | (not targets.past)
     table = table.put(rows, start=judged.motions)
@@ -89,28 +89,30 @@ def voted_motions(
         max_change_m: Longest shift tried.
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
     """
-    # In steps to the first target, so that the grid is fine enough over a longer time.
-    unit = np.float32(targets[0].steps)
-    targets = [replace(target, steps=target.steps / float(unit)) for target in targets]
+    # In motions to the first target, so that the grid is fine enough over a longer time.
+    unit = np.float32(targets[0].intervals)
+    targets = [replace(target, intervals=target.intervals / float(unit)) for target in targets]
     base, reach_m = unit * base, max_change_m * abs(float(unit))
     margin_m = reach_m + float(np.abs(base).max(initial=0.0))
     grid = VotingGrid(
-        objects.positions, margin_m * max(1.0, *(abs(target.steps) for target in targets))
+        objects.positions, margin_m * max(1.0, *(abs(target.intervals) for target in targets))
     )
     shifts = _shifts(round(reach_m / grid.cell_m))
     columns, levels = zip(
         *(
-            grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
+            grid.cells_of(objects.positions + np.float32(target.intervals) * base[objects.owners])
             for target in targets
         ),
         strict=True,
     )
-    steps = [grid.steps(np.rint(shifts * target.steps).astype(np.int64)) for target in targets]
+    offsets = [
+        grid.offsets(np.rint(shifts * target.intervals).astype(np.int64)) for target in targets
+    ]
     chosen = _most_voted(
         np.stack(columns),
         np.stack(levels),
         objects.counts,
-        np.stack(steps),
+        np.stack(offsets),
         grid.occupied(targets),
     )
     voted = base.copy()
@@ -123,7 +125,7 @@ def _most_voted(
     columns: NDArray[np.int64],
     levels: NDArray[np.int64],
     counts: NDArray[np.int64],
-    steps: NDArray[np.int64],
+    offsets: NDArray[np.int64],
     occupied: NDArray[np.uint16],
 ) -> NDArray[np.int64]:
     """Returns (K,) the row of the shift that most of each object's points agree on.
@@ -132,10 +134,10 @@ def _most_voted(
         columns: (T, P) columns of the points, as they are compared with each target.
         levels: (T, P) bits of their levels.
         counts: (K,) number of points of each object.
-        steps: (T, S) what shifts add to a column.
+        offsets: (T, S) what shifts add to a column.
         occupied: (T, C) bits of the levels that each target occupies.
     """
-    chosen, num_shifts = np.zeros(len(counts), np.int64), steps.shape[1]
+    chosen, num_shifts = np.zeros(len(counts), np.int64), offsets.shape[1]
     first = 0
     for owner in range(len(counts)):
         hits = np.zeros(num_shifts, np.int32)
@@ -143,7 +145,7 @@ def _most_voted(
             for row in range(first, first + counts[owner]):
                 level = levels[target, row]
                 for shift in range(num_shifts):
-                    column = columns[target, row] + steps[target, shift]
+                    column = columns[target, row] + offsets[target, shift]
                     if 0 <= column < occupied.shape[1] and occupied[target, column] & level:
                         hits[shift] += 1
         first += counts[owner]
@@ -183,7 +185,7 @@ class VotingGrid:
         rows, columns = (np.floor(high / self.cell_m) - first[:2] + 2).astype(int)
         self._shape = (int(rows), int(columns))
 
-    def steps(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
+    def offsets(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
         """(S,) offsets in column numbers of shifts (S, 2), in cells."""
         return shifts[:, 0] * self._shape[1] + shifts[:, 1]
 
@@ -193,7 +195,7 @@ class VotingGrid:
         Points above or below all levels count in the highest or lowest one.
         """
         cells = np.floor((points - self._low) / np.float32(self.cell_m)).astype(np.int64)
-        return self.steps(cells[:, :2]), 1 << np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
+        return self.offsets(cells[:, :2]), 1 << np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
 
     def occupied(self, targets: Sequence[Target]) -> NDArray[np.uint16]:
         """(T, columns) bits of the levels where targets have a point, right above or below."""

@@ -33,7 +33,7 @@ def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     Touching objects that move, or may move, alike become a group: if one of it moves, all do.
     """
     rows, targets, current = table.open_rows, scene.targets, scene.current
-    fitted = table.take(rows)
+    fitted = table.select(rows)
     points, motions = fitted.points, fitted.moving.motions
     static = judge(points, targets, np.zeros_like(motions))
     free = free_space(points, targets, motions)
@@ -43,7 +43,7 @@ def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     may_move, is_moving = moves(
         points.numbers, fitted.wholes, motions, log_odds, scene.usual_interval_s, scene.settings
     )
-    followed = fitted.take(np.flatnonzero(may_move))
+    followed = fitted.select(np.flatnonzero(may_move))
     groups = mover_groups(
         followed.points, followed.moving.motions, *followed.points.all_points(current)
     )

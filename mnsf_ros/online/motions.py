@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, Rows
-from mnsf_ros.online.target import NUM_STEPS, Target, Targets
+from mnsf_ros.online.target import NUM_ITERATIONS, Target, Targets
 
-# Nearest points underestimate motion along surfaces: a longer step converges sooner.
-_STEP: Final = 1.8
+# Nearest points underestimate motion along surfaces: longer steps converge sooner.
+_OVER_RELAXATION: Final = 1.8
 # A motion explains clearly more than another one if it leaves less than this share of its residual.
 # A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
 # change, most of all when a vehicle brakes.
@@ -22,7 +22,7 @@ CLEARLY_SHARE: Final = 0.8
 # A motion of this prior cost must have a residual smaller by a factor of e.
 _PRIOR_SCALE: Final = 6.0
 # A motion shifted by this should have a larger residual; along a flat side it does not.
-_BESIDE_M: Final = 0.2
+_SHIFT_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
@@ -147,14 +147,14 @@ def fit_motion_field(
         target: The sweep at t+1 for the forward field, at t-1 for the backward field.
         start: (K, 3) metres, motion to the next sweep to start from.
     """
-    num_steps = target.steps_of(objects, start)
+    intervals = target.intervals_of(objects, start)
     slopes = target.current.ground.slopes(objects.centers)
-    flows = num_steps * start
-    for _ in range(NUM_STEPS):
+    flows = intervals * start
+    for _ in range(NUM_ITERATIONS):
         flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
-        flows += (_STEP * target.pulls(objects, flows)).astype(np.float32)
+        flows += (_OVER_RELAXATION * target.pulls(objects, flows)).astype(np.float32)
     flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
-    return np.asarray(flows * (np.float32(target.steps) / num_steps), np.float32)
+    return np.asarray(flows * (np.float32(target.intervals) / intervals), np.float32)
 
 
 def judge(
@@ -206,7 +206,7 @@ def best_of(
     excess = np.exp(np.concatenate([prior.cost(each) for each in others]) / _PRIOR_SCALE)
     most_m = np.tile(first.posterior_cost(prior), len(others)) / excess - 2 * NOISE_M
     motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
-    objects = objects.repeated(len(others)).take(new)
+    objects = objects.repeated(len(others)).select(new)
     found = judge(objects, targets, motions[new], most_m=most_m[new])
     near, past = (
         np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
@@ -214,7 +214,7 @@ def best_of(
     near[new], past[new] = found.near, found.past
     judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.take(rows), prior)
+        first = first.better(judged.select(rows), prior)
     return first
 
 
@@ -254,8 +254,8 @@ def residual_rise_m(
     """
     angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
     motions = np.tile(moving.motions, (5, 1, 1))
-    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
-    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
+    motions[1:, :, 0] += (_SHIFT_M * np.cos(angles)).astype(np.float32)
+    motions[1:, :, 1] += (_SHIFT_M * np.sin(angles)).astype(np.float32)
     judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
     own, *others = judged.total.reshape(5, len(objects))
     return np.maximum(np.min(others, axis=0) - own, 0.0)

@@ -148,7 +148,7 @@ class ObjectFlowEstimator:
         with clock.stage("first guess"):
             table = with_first_guesses(table, scene)
         rows, targets = table.open_rows, scene.targets
-        suspects = table.take(rows)
+        suspects = table.select(rows)
         objects, start, prior = suspects.points, suspects.start, suspects.prior
         with clock.stage("forward"):
             forward = fit_motion_field(objects, targets.next, start)
@@ -156,7 +156,7 @@ class ObjectFlowEstimator:
         if targets.previous is not None:
             with clock.stage("backward"):
                 backward = fit_motion_field(objects, targets.previous, start)
-                inverted = backward / np.float32(targets.previous.steps)
+                inverted = backward / np.float32(targets.previous.intervals)
         with clock.stage("fusion"):
             others = prior.candidates(start)
             moving = fuse_motions(objects, targets, forward, inverted, others, prior)

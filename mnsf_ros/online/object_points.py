@@ -27,12 +27,12 @@ _FEW: Final = 16
 class Rows:
     """Base of frozen dataclasses whose fields are arrays (K, ...) or such records themselves."""
 
-    def take(self: _Own, rows: NDArray[np.int64]) -> _Own:
+    def select(self: _Own, rows: NDArray[np.int64]) -> _Own:
         """Returns the record of some of the objects, by their rows."""
         taken: dict[str, Any] = {}
         for field in fields(self):  # type: ignore[arg-type]
             column = getattr(self, field.name)
-            taken[field.name] = column.take(rows) if isinstance(column, Rows) else column[rows]
+            taken[field.name] = column.select(rows) if isinstance(column, Rows) else column[rows]
         return replace(self, **taken)  # type: ignore[type-var]
 
     def put(self: _Own, rows: NDArray[np.int64], **columns: Any) -> _Own:  # noqa: ANN401
@@ -89,7 +89,7 @@ class ObjectPoints(Rows):
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 
-    def take(self, rows: NDArray[np.int64]) -> "ObjectPoints":
+    def select(self, rows: NDArray[np.int64]) -> "ObjectPoints":
         """Returns some of the objects, by their rows, which rise."""
         places = np.full(len(self), -1)
         places[rows] = np.arange(len(rows))
@@ -117,8 +117,8 @@ class ObjectPoints(Rows):
 
     def thinner(self) -> "ObjectPoints":
         """Returns the same objects with few points each."""
-        step = np.maximum(1, -(-self.counts // _FEW))[self.owners]
-        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
+        stride = np.maximum(1, -(-self.counts // _FEW))[self.owners]
+        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % stride == 0
         return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
 
     def _with_points(

@@ -29,20 +29,19 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
         tracks: All tracks.
     """
     current, next_ = scene.current, scene.targets.next
-    owners, movers, doubtful = current.objects(), table.movers, table.doubtful
-    rows = rows_of_movers(scene, movers, doubtful.points.numbers, owners)
+    objects, movers = current.objects(), table.movers
+    rows = rows_of_movers(scene, table, objects)
     is_dynamic = rows >= 0
-    own = np.flatnonzero(is_dynamic)
-    rows = rows[own]
-    motion = np.zeros((len(owners), 3), np.float32)
-    track_ids = np.zeros(len(owners), np.int32)
-    offsets = np.take(current.xyz, own, axis=0) - movers.points.centers[rows]
-    motion[own], track_ids[own] = (
-        headed(encoded(offsets), rows, movers.heads),
-        movers.track_ids[rows],
-    )
-    confidence = _static_confidence(current, owners, doubtful)
-    confidence[own] = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)[rows]
+    moving = np.flatnonzero(is_dynamic)
+    rows = rows[moving]
+    motion = np.zeros((len(objects), 3), np.float32)
+    offsets = np.take(current.xyz, moving, axis=0) - movers.points.centers[rows]
+    motion[moving] = headed(encoded(offsets), rows, movers.heads)
+    track_ids = np.zeros(len(objects), np.int32)
+    track_ids[moving] = movers.track_ids[rows]
+    confidence = _static_confidence(current, objects, table.doubtful)
+    of_movers = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)
+    confidence[moving] = of_movers[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.
@@ -80,14 +79,14 @@ def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32
 
 
 def _static_confidence(
-    current: ObjectSweep, owners: NDArray[np.int64], doubtful: ObjectTable
+    current: ObjectSweep, objects: NDArray[np.int64], doubtful: ObjectTable
 ) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
     confidence = static_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
     doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.static)
-    in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
-    confidence[in_doubt] = doubts[owners[in_doubt]]
+    in_doubt = np.flatnonzero(~np.isnan(doubts)[objects])
+    confidence[in_doubt] = doubts[objects[in_doubt]]
     return confidence
 
 

@@ -38,8 +38,8 @@ class Reasons:
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
             return Reason(Verdict.OWN_BODY)
-        owners = current.objects()[rows]
-        number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
+        objects = current.objects()[rows]
+        number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:
             return Reason(Verdict.NO_OBJECT)
         num_points = int(current.counts[number])
@@ -75,7 +75,7 @@ class Reasons:
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
-        own = objects.take(np.flatnonzero(objects.numbers == number))
+        own = objects.select(np.flatnonzero(objects.numbers == number))
         if len(own) == 0:
             return ()
         no_motion = np.zeros(3, np.float32)

@@ -24,7 +24,7 @@ def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> Ob
     is_suspect = _are_suspects(table, targets)
     table = table.rejected(np.flatnonzero(~is_suspect), Verdict.NOT_SUSPECTED)
     rows = np.flatnonzero(is_suspect)
-    points = table.points.take(rows)
+    points = table.points.select(rows)
     no_motion = np.zeros((len(rows), 3), np.float32)
     table = table.put(rows, static=judge(points.thinner(), targets, no_motion))
     if len(rows) <= max_suspects:
@@ -46,7 +46,7 @@ def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
     # The oldest first: it decides most objects, and few remain for the other sweeps.
     for target in reversed(others):
         rows = np.flatnonzero(is_suspect & ~has_track)
-        residuals = target.residuals(some.take(rows), np.zeros((len(rows), 3), np.float32))
+        residuals = target.residuals(some.select(rows), np.zeros((len(rows), 3), np.float32))
         # An object with a residual within the noise is not a suspect.
         is_suspect[rows] = residuals > 2 * NOISE_M
     near_gone = np.concatenate([target.objects_near_gone for target in others])

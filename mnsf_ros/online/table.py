@@ -111,13 +111,13 @@ class ObjectTable(Rows):
     @cached_property
     def movers(self) -> "ObjectTable":
         """The objects that move."""
-        return self.take(self.mover_rows)
+        return self.select(self.mover_rows)
 
     @property
     def doubtful(self) -> "ObjectTable":
         """The suspects that were not found to move, with those beyond the limit of the work."""
         is_certain = self.verdicts == Verdict.NOT_SUSPECTED
-        return self.take(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
+        return self.select(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
 
     @property
     def num_groups(self) -> int:
@@ -127,7 +127,7 @@ class ObjectTable(Rows):
     @property
     def group_motions(self) -> NDArray[np.float64]:
         """(G, 3) metres, the mean motions of the groups' points to the next sweep."""
-        followed = self.take(self.followed_rows)
+        followed = self.select(self.followed_rows)
         counts = followed.points.counts.astype(np.float64)
         weights = np.bincount(followed.groups, counts, self.num_groups)[:, None]
         weighted = followed.moving.motions * counts[:, None]

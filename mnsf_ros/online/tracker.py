@@ -62,7 +62,7 @@ class Measurements:
             world_from_sensor: (4, 4) pose of the sensor.
             interval_s: Time to the next sweep, above 0.
         """
-        followed = table.take(table.followed_rows)
+        followed = table.select(table.followed_rows)
         objects, groups, number = followed.points, followed.groups, table.num_groups
         order = np.argsort(groups[objects.owners], kind="stable")
         points = transformed(objects.positions, world_from_sensor)[order].astype(np.float64)

@@ -65,7 +65,7 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     nearest = objects.centers[:, 0] < 15
     table = with_suspects(table_of(objects), targets, max_suspects=9)
     assert table.open_rows == np.flatnonzero(nearest)
-    side = objects.take(table.open_rows)
+    side = objects.select(table.open_rows)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
     assert free_space(side, targets, motion)[0] > 10 * max(
         *free_space(side, targets, 0 * motion), *free_space(side, targets, -motion), 1

@@ -51,7 +51,7 @@ class TestPast:
         current, found = past_after(*indices)
         ages = [(current.sweep.stamp_ns - item.sweep.sweep.stamp_ns) / 1e8 for item in found]
         assert ages == expected
-        assert [-item.steps for item in found] == pytest.approx(expected)
+        assert [-item.intervals for item in found] == pytest.approx(expected)
 
     def test_is_not_the_previous_sweep_itself(self):
         """At three sweeps a second that of a third of a second ago is the previous one."""
