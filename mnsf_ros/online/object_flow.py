@@ -41,7 +41,6 @@ class ObjectFlowEstimator:
     Attributes:
         settings: Settings of the estimator.
         traits: It uses three sweeps, or two where there is no previous one.
-        effort: Of the next estimate.
     """
 
     def __init__(self, settings: Settings, track_ids: Iterator[int] | None = None) -> None:
@@ -56,7 +55,7 @@ class ObjectFlowEstimator:
         """
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
-        self.settings, self.effort = settings, Effort.FULL
+        self.settings = settings
         self.traits = MethodTraits(
             num_sweeps=3,
             carries_state=True,
@@ -82,6 +81,7 @@ class ObjectFlowEstimator:
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
         prepared: PreparedSweeps | None = None,
+        effort: Effort = Effort.FULL,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
@@ -89,12 +89,13 @@ class ObjectFlowEstimator:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
             cancelled: Asked between the steps; True ends the estimate with CancelledError.
             prepared: Result of `prepare` for the triplet; None: `prepare` is called first.
+            effort: Less leaves out older sweeps and suspects.
 
         Raises:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock, effort, start = StageClock(cancelled), self.effort, self._tracker.start
+        clock, start = StageClock(cancelled), self._tracker.start
         stamp_ns, interval_s = triplet.current.stamp_ns, triplet.interval_s
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
