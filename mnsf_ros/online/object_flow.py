@@ -118,8 +118,8 @@ class ObjectFlowEstimator:
             table = with_turns(table, scene)
         with clock.stage("tracks"):
             measured = Measurements.of(table, world_from_sensor, scene.usual_interval_s)
-            tracks, ids = self._tracker.update(tracks, measured, stamp_ns, interval_s)
-            table = table.put(table.followed_rows, track_ids=ids[table.groups[table.followed_rows]])
+            tracks, track_ids = self._tracker.update(tracks, measured, stamp_ns, interval_s)
+            table = table.with_tracks(track_ids)
         with clock.stage("output"):
             over_ground = to_points(scene, table, tracks)
             flow = flow_of(scene.current, over_ground)
@@ -137,9 +137,9 @@ class ObjectFlowEstimator:
         )
 
     def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `start` and `moving` of the suspects, and rejects those that do not need a motion.
+        """Fills `start` and `moving` of the suspects; rejects those that no motion explains better.
 
-        Forward field, backward field, inversion, fusion; each starts from a first guess.
+        First guess, forward field, backward field, inversion, fusion.
 
         Args:
             table: All objects; the open ones are suspects.

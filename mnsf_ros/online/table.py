@@ -119,6 +119,11 @@ class ObjectTable(Rows):
         is_certain = self.verdicts == Verdict.NOT_SUSPECTED
         return self.select(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
 
+    def with_tracks(self, track_ids: NDArray[np.int64]) -> "ObjectTable":
+        """Returns the table with the `track_id` (G,) of each group."""
+        rows = self.followed_rows
+        return self.put(rows, track_ids=track_ids[self.groups[rows]])
+
     @property
     def num_groups(self) -> int:
         """Number of groups of objects that move, or may move, alike."""
