@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The points that represent each object, and sums over them."""
+"""Objects of a sweep: records with a row for each, and the points that represent them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,42 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.object_sweep import ObjectSweep
-from mnsf_ros.online.rows import Rows
 from mnsf_ros.settings import ObjectSettings
 
-# Distance between points of the same surface in two sweeps: noise and thinning at short range, the
-# spacing of the beams at long range.
+_Own = TypeVar("_Own", bound="Rows")
+
+
+# Distance between points of the same surface in two sweeps: noise of the ranges, and half of the
+# 0.4 degrees between the beams of a 64-beam lidar.
 NOISE_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
 # This many points of an object are enough to compare motions roughly.
 _FEW: Final = 16
+
+
+class Rows:
+    """Base of frozen dataclasses whose fields are arrays (K, ...) or such records themselves."""
+
+    def select(self: _Own, rows: NDArray[np.int64]) -> _Own:
+        """Returns the record of some of the objects, by their rows."""
+        taken: dict[str, Any] = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            column = getattr(self, field.name)
+            taken[field.name] = column.select(rows) if isinstance(column, Rows) else column[rows]
+        return replace(self, **taken)  # type: ignore[type-var]
+
+    def put(self: _Own, rows: NDArray[np.int64], **columns: Any) -> _Own:  # noqa: ANN401
+        """Returns the record with other values in some rows of these columns."""
+        changed: dict[str, Any] = {}
+        for name, values in columns.items():
+            column = getattr(self, name)
+            if isinstance(column, Rows):
+                own = {field.name: getattr(values, field.name) for field in fields(values)}
+                changed[name] = column.put(rows, **own)
+            else:
+                changed[name] = column.copy()
+                changed[name][rows] = values
+        return replace(self, **changed)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,21 +89,21 @@ class ObjectPoints(Rows):
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 
-    def take(self, rows: NDArray[np.int64]) -> "ObjectPoints":
+    def select(self, rows: NDArray[np.int64]) -> "ObjectPoints":
         """Returns some of the objects, by their rows, which rise."""
         places = np.full(len(self), -1)
         places[rows] = np.arange(len(rows))
         owners = places[self.owners]
         return self._with_points(np.flatnonzero(owners >= 0), self.numbers[rows], owners)
 
-    def repeated(self, number: int) -> "ObjectPoints":
-        """Returns copies of the objects as new objects: one call is faster than several."""
-        owners = np.arange(number)[:, None] * len(self) + self.owners
+    def repeated(self, times: int) -> "ObjectPoints":
+        """Returns so many copies of the objects as new objects: one call is faster than several."""
+        owners = np.arange(times)[:, None] * len(self) + self.owners
         return ObjectPoints(
-            np.tile(self.numbers, number),
-            np.tile(self.positions, (number, 1)),
+            np.tile(self.numbers, times),
+            np.tile(self.positions, (times, 1)),
             owners.ravel(),
-            np.tile(self.spacing, number),
+            np.tile(self.spacing, times),
         )
 
     def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":
@@ -90,8 +117,8 @@ class ObjectPoints(Rows):
 
     def thinner(self) -> "ObjectPoints":
         """Returns the same objects with few points each."""
-        step = np.maximum(1, -(-self.counts // _FEW))[self.owners]
-        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
+        stride = np.maximum(1, -(-self.counts // _FEW))[self.owners]
+        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % stride == 0
         return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
 
     def _with_points(

@@ -136,7 +136,7 @@ def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
     assert sources == ["registration", *(2 * ["constant velocity"]), "registration"]
     for result in results[1:3]:
         assert not result.over_ground.confidence.any()
-    assert ["fit to previous" in result.times_ms for result in results] == [
+    assert ["backward" in result.times_ms for result in results] == [
         True,
         True,
         False,
@@ -218,8 +218,8 @@ def test_with_less_effort_older_sweeps_and_suspects_are_left_out():
     triplets = list(triplets_of(drive(*range(10))))
     usual, hasty = ObjectFlowEstimator(SETTINGS), ObjectFlowEstimator(SETTINGS)
     for number, each in enumerate(triplets):
-        hasty.effort = Effort.LEAST if number == 5 else Effort.FULL
-        wanted, found = usual.estimate(each), hasty.estimate(each)
+        effort = Effort.LEAST if number == 5 else Effort.FULL
+        wanted, found = usual.estimate(each), hasty.estimate(each, effort=effort)
         reason = found.reason_of(np.flatnonzero(of_car(each.current)))
         num_sweeps = len(reason.sweeps)
         if number < 5:
