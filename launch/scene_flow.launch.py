@@ -58,10 +58,7 @@ ARGUMENTS = {
     "rviz": ("false", "also open RViz"),
     "view": ("", "show the flow in a browser; empty: only with a bag"),
     "view_port": ("8766", "port of that page; a second view on one computer needs another"),
-    "fixed_frame": (
-        "",
-        "frame of the clouds, for RViz; empty: that in the bag, or lidar",
-    ),
+    "fixed_frame": ("", "frame of the clouds, for RViz; empty: that in the bag, or lidar"),
 }
 
 
@@ -111,8 +108,7 @@ def _flow_node(given: dict[str, str]) -> Node:
     # The node itself looks for the topic that nobody names.
     topics = given["points"].split(",") if given["points"] else []
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
-    own_names = own_names[: len(topics)]
-    remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
+    remappings = [*zip(own_names, topics, strict=False), ("~/odometry", given["odometry"])]
     several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
     if given["flow"]:
         remappings += [(f"~/{name}", given["flow"] + name[4:]) for name in FLOW_TOPICS]

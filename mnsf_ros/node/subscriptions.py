@@ -111,8 +111,7 @@ class InputSubscription:
         self._class: Any = PointCloud2
         self._heard_s = -math.inf
         self._subscription = self._subscribe()
-        own_topic = topic.replace("~", node.get_fully_qualified_name())
-        is_named = self.topic != own_topic
+        is_named = self.topic != topic.replace("~", node.get_fully_qualified_name())
         self._search = CloudSearch(node) if may_search and not is_named else None
 
     @property
@@ -129,6 +128,11 @@ class InputSubscription:
     def num_publishers(self) -> int:
         """Publishers of the topic that are visible now."""
         return int(self._node.count_publishers(self.topic))
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether the only topic of clouds will be taken."""
+        return self._search is not None
 
     @property
     def fault(self) -> str:

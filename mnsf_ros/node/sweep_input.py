@@ -116,7 +116,9 @@ class SweepInput:
         own = {subscription.topic for subscription in self._subscriptions}
         others = [topic for topic in cloud_topics(self._node) if topic not in own]
         if others:
-            causes.append(f"clouds are on {', '.join(others)}: name one with points:=TOPIC")
+            is_taken = len(others) == 1 and self._subscriptions[0].is_searching
+            advice = "" if is_taken else ": name one with points:=TOPIC"
+            causes.append(f"clouds are on {', '.join(others)}{advice}")
         causes = causes or unusable_topics(self._node)
         return "; ".join(causes) or "no clouds are published, see ROS_DOMAIN_ID if some should be"
 
