@@ -40,7 +40,7 @@ def expand_file(compressed: Path, plain: Path) -> None:
         Exception: One of the library: it is damaged.
     """
     max_bytes = max(MAX_BYTES, _MAX_RATIO * compressed.stat().st_size)
-    with _zstd().open(compressed, "rb") as content, plain.open("wb") as file:
+    with zstd_library().open(compressed, "rb") as content, plain.open("wb") as file:
         while piece := content.read(_PIECE_BYTES):
             if file.tell() + len(piece) > max_bytes:
                 raise EOFError(f"it expands to more than {max_bytes} bytes")
@@ -49,7 +49,7 @@ def expand_file(compressed: Path, plain: Path) -> None:
 
 def _decompressor(kind: str) -> Any:  # noqa: ANN401 - all have the interface of bz2
     if kind == "zstd":
-        return _zstd().ZstdDecompressor()
+        return zstd_library().ZstdDecompressor()
     if kind == "zlib":
         return zlib.decompressobj(_EITHER_HEADER)
     from lz4.frame import LZ4FrameDecompressor
@@ -57,7 +57,8 @@ def _decompressor(kind: str) -> Any:  # noqa: ANN401 - all have the interface of
     return LZ4FrameDecompressor()
 
 
-def _zstd() -> Any:  # noqa: ANN401 - a module
+def zstd_library() -> Any:  # noqa: ANN401 - a module
+    """Returns the module `zstd` of this Python, or its backport."""
     if sys.version_info >= (3, 14):
         from compression import zstd
     else:

@@ -11,7 +11,7 @@ import pytest
 
 from msg_utils import other_clouds
 from msg_utils.errors import MessageError
-from msg_utils.expansion import _zstd
+from msg_utils.expansion import zstd_library
 from msg_utils.other_clouds import UnsupportedCloudError, as_cloud
 from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.point_times import decode_times
@@ -40,7 +40,7 @@ def compressed(form, data, **changes):
 @pytest.mark.parametrize(
     ("form", "compress"),
     [
-        ("zstd", lambda data: _zstd().compress(data)),
+        ("zstd", lambda data: zstd_library().compress(data)),
         ("zlib", zlib.compress),
         ("zlib", gzip.compress),  # as zlib_point_cloud_transport does
     ],
@@ -144,11 +144,11 @@ def test_cloudini_without_its_library_names_it(monkeypatch):
 @pytest.mark.parametrize(
     ("message", "words"),
     [
-        (lambda: compressed("zstd", _zstd().compress(DATA)[:-5]), "cut short"),
+        (lambda: compressed("zstd", zstd_library().compress(DATA)[:-5]), "cut short"),
         (lambda: compressed("zstd", DATA), "damaged"),
         (lambda: compressed("zlib", zlib.compress(DATA + b"more")), f"more than {len(DATA)} bytes"),
-        (lambda: compressed("zstd", _zstd().compress(bytes(10**9))), "expands to more than"),
-        (lambda: compressed("zstd", _zstd().compress(DATA), width=2**32 - 1), "at least"),
+        (lambda: compressed("zstd", zstd_library().compress(bytes(10**9))), "expands to more than"),
+        (lambda: compressed("zstd", zstd_library().compress(DATA), width=2**32 - 1), "at least"),
         (lambda: compressed("cloudini", cloudini()[:-5]), "damaged"),
         (lambda: compressed("cloudini", cloudini()[:30]), "damaged"),
         (lambda: compressed("cloudini", cloudini(), width=NUM + 1), "point_step"),

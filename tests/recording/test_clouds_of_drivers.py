@@ -14,7 +14,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, used_topics
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
-from msg_utils.expansion import _zstd
+from msg_utils.expansion import zstd_library
 from msg_utils.other_clouds import COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 
@@ -33,7 +33,7 @@ JAZZY, NOETIC = typestore(Stores.ROS2_JAZZY), typestore(Stores.ROS1_NOETIC)
 
 def compressed(index, form="zstd", data=None):
     cloud = JAZZY.deserialize_cdr(tiny_bags.cdr(index, NUM), CLOUD_TYPE)
-    data = _zstd().compress(cloud.data.tobytes()) if data is None else data
+    data = zstd_library().compress(cloud.data.tobytes()) if data is None else data
     values = {name: getattr(cloud, name) for name in cloud.__dataclass_fields__ if name != "data"}
     del values["__msgtype__"]
     values["compressed_data"] = np.frombuffer(data, np.uint8)
