@@ -18,16 +18,22 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
-from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
-from mnsf_ros.settings import OutputSettings
+from mnsf_ros.node.object_messages import (
+    installed_messages,
+    objects_cloud,
+    objects_markers,
+    predicted_cloud,
+)
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
+from mnsf_ros.sweeps_io.movers_at_stamp import movers_at_stamp
 
-_FULL = OutputSettings()
+_DEFAULT = Settings()
 
 
 class FlowOutputs:
-    """`~/flow` with all points, parts of it, `~/ego_motion`, and `~/objects` as several messages.
+    """`~/flow` with all points, parts of it, `~/ego_motion`, `~/predicted`, and `~/objects`.
 
     rcl allows publishing from any thread; a thread of the pipeline does it.
     """
@@ -39,6 +45,7 @@ class FlowOutputs:
         self._flow = output(PointCloud2, "~/flow")
         self._moving = output(PointCloud2, "~/flow/moving")
         self._standing = output(PointCloud2, "~/flow/standing")
+        self._predicted = output(PointCloud2, "~/predicted")
         self._ego_motion = output(Odometry, "~/ego_motion", depth=10)
         self._source = output(String, "~/ego_motion/source", is_latched=True)
         self._objects = [
@@ -59,22 +66,25 @@ class FlowOutputs:
     @property
     def are_watched(self) -> bool:
         """Whether any output has a subscriber."""
-        outputs = (self._flow, self._moving, self._standing, self._ego_motion, self._source)
-        objects = (output for output, _ in self._objects)
-        return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
+        outputs = [self._flow, self._moving, self._standing, self._predicted]
+        outputs += [self._ego_motion, self._source, *(output for output, _ in self._objects)]
+        return any(output.get_subscription_count() > 0 for output in outputs)
 
     def publish(
-        self, triplet: SweepTriplet, estimate: FlowEstimate, layout: OutputSettings = _FULL
+        self, triplet: SweepTriplet, estimate: FlowEstimate, settings: Settings = _DEFAULT
     ) -> None:
         """Publishes the flow of the triplet's current sweep on all topics with subscribers."""
         sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
+        layout = settings.output
         if self._flow.get_subscription_count() > 0:
             self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
         if known is None:
             return
-        for output, part in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
-            if output.get_subscription_count() > 0:
-                output.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
+        if self._standing.get_subscription_count() > 0:
+            part = ~known.dynamic
+            self._standing.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
+        if self._moving.get_subscription_count() > 0:
+            self._moving.publish(_moving_cloud(triplet, estimate, known, settings))
         header = sweep.source.message.header
         if self._ego_motion.get_subscription_count() > 0:
             message = ego_motion_message(header, self._odom_frame, known, interval_s)
@@ -82,9 +92,13 @@ class FlowOutputs:
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
+        if known.track_ids is None:
+            return
         for output, make in self._objects:
-            if known.track_ids is not None and output.get_subscription_count() > 0:
+            if output.get_subscription_count() > 0:
                 output.publish(make(header, known.objects))
+        if self._predicted.get_subscription_count() > 0:
+            self._predicted.publish(predicted_cloud(header, known.objects, layout.horizon_s))
 
 
 class DebugTimes:
@@ -120,6 +134,17 @@ def _output(
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
     overriding = QoSOverridingOptions.with_default_policies()
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overriding)
+
+
+def _moving_cloud(
+    triplet: SweepTriplet, estimate: FlowEstimate, known: OverGround, settings: Settings
+) -> bytes:
+    """The dynamic points, at the stamp if the settings ask for it."""
+    sweep, interval_s, output, moved = triplet.current, triplet.interval_s, settings.output, None
+    if output.deskew_movers and sweep.times_s is not None and interval_s > 0:
+        deskew = settings.ego_motion.deskew
+        moved, estimate = movers_at_stamp(sweep, estimate, known, interval_s, deskew=deskew)
+    return flow_cloud(sweep, estimate, interval_s, output, known.dynamic, moved)
 
 
 def ego_motion_message(

@@ -20,6 +20,7 @@ from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.sweeps_io.flow_columns import object_columns
+from mnsf_ros.sweeps_io.predicted_ground import predicted_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
 
@@ -38,6 +39,13 @@ _TEXT_HEIGHT_M: Final = 0.7
 def objects_cloud(header: Header, objects: Objects) -> bytes:
     """Returns the serialized cloud of objects: one row, a point each, fields OBJECT_ROW."""
     encoding = encode_columns(object_columns(objects), 1, len(objects))
+    return serialized_cloud(header, encoding, is_dense=True)
+
+
+def predicted_cloud(header: Header, objects: Objects, horizon_s: float) -> bytes:
+    """Returns the serialized cloud of `predicted_columns`, in one row."""
+    columns = predicted_columns(objects, horizon_s)
+    encoding = encode_columns(columns, 1, len(columns["x"]))
     return serialized_cloud(header, encoding, is_dense=True)
 
 
