@@ -17,8 +17,6 @@ from mnsf_ros.settings import OutputSettings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
-from mnsf_ros.sweeps_io.flow_columns import object_columns
-from msg_utils.point_cloud2 import encode_columns
 
 _NODE: Final = "/scene_flow"
 # All sweeps may fail in the same way.
@@ -94,5 +92,4 @@ def _write(
         f"{_NODE}/ego_motion", pose, stamp_ns, odom_frame, frame_id, covariance=covariance
     )
     if known.track_ids is not None:
-        objects = encode_columns(object_columns(known.objects), 1, len(known.objects))
-        writer.write_cloud(f"{_NODE}/objects", objects, stamp_ns, frame_id)
+        writer.write_objects(f"{_NODE}/objects", known.objects, stamp_ns, frame_id)

@@ -14,10 +14,10 @@ from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import TF_TOPIC
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-TF_TOPIC: Final = "/tf"
 _LEAST_SWEEPS: Final = 2
 
 

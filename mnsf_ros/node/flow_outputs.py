@@ -5,6 +5,7 @@ import time
 from functools import partial
 
 import numpy as np
+import visualization_msgs.msg
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -19,15 +20,16 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.node.object_messages import (
+    MessageMaker,
     installed_messages,
     objects_cloud,
-    objects_markers,
     predicted_cloud,
 )
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
 from mnsf_ros.sweeps_io.movers_at_stamp import movers_at_stamp
+from mnsf_ros.sweeps_io.object_markers import objects_markers
 
 _DEFAULT = Settings()
 
@@ -48,11 +50,12 @@ class FlowOutputs:
         self._predicted = output(PointCloud2, "~/predicted")
         self._ego_motion = output(Odometry, "~/ego_motion", depth=10)
         self._source = output(String, "~/ego_motion/source", is_latched=True)
+        markers: MessageMaker = partial(objects_markers, visualization_msgs.msg)
         self._objects = [
             (output(message_type, topic), make)
             for topic, message_type, make in (
                 ("~/objects", PointCloud2, objects_cloud),
-                ("~/objects/markers", MarkerArray, objects_markers),
+                ("~/objects/markers", MarkerArray, markers),
                 *installed_messages(),
             )
         ]

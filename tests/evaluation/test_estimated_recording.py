@@ -36,7 +36,7 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
     with BagReader(out) as reader:
         assert {name: topic.count for name, topic in reader.topics.items()} == {
             f"{NODE}/{name}": len(sweeps) - 2
-            for name in ("flow", "flow/moving", "objects", "ego_motion")
+            for name in ("flow", "flow/moving", "objects", "objects/markers", "ego_motion")
         }
         for (stamp_ns, _), cloud in zip(
             reader.raw_messages(f"{NODE}/flow"), reader.messages(f"{NODE}/flow"), strict=True

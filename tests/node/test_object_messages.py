@@ -4,9 +4,11 @@
 import dataclasses
 import sys
 import types
+from functools import partial
 
 import numpy as np
 import pytest
+import visualization_msgs.msg
 from geometry_msgs.msg import (
     AccelWithCovariance,
     Point,
@@ -25,10 +27,12 @@ from synthetic_clouds import column, tracked
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
-from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
+from mnsf_ros.node.object_messages import installed_messages, objects_cloud
 from mnsf_ros.sweeps_io.flow_columns import OBJECT_ROW
+from mnsf_ros.sweeps_io.object_markers import objects_markers
 
 HEADER = Header(frame_id="lidar")
+markers_of = partial(objects_markers, visualization_msgs.msg, HEADER)
 
 
 def objects_message(objects):
@@ -55,7 +59,7 @@ def turn_of(marker):
 
 class TestMarkers:
     def test_of_an_object(self):
-        first, *shown = objects_markers(HEADER, [tracked(4)]).markers
+        first, *shown = markers_of([tracked(4)]).markers
         assert first.action == Marker.DELETEALL
         markers = {marker.ns: marker for marker in shown}
         assert set(markers) == {"box", "velocity", "label"}
@@ -77,14 +81,16 @@ class TestMarkers:
 
     @pytest.mark.parametrize("velocity", [(3.0, -4.0, 0.0), (-1.0, 0.5, 2.0), (0.0, 0.0, -1.0)])
     def test_arrow_points_where_the_object_goes(self, velocity):
-        message = objects_markers(HEADER, [tracked(velocity=np.array(velocity))])
+        message = objects_markers(
+            visualization_msgs.msg, HEADER, [tracked(velocity=np.array(velocity))]
+        )
         (arrow,) = (marker for marker in message.markers if marker.ns == "velocity")
         along = turn_of(arrow).apply([arrow.scale.x, 0, 0])
         np.testing.assert_allclose(along, velocity, atol=1e-9)
 
     def test_have_an_extent_also_if_the_object_has_none(self):
         nothing = tracked(size=np.zeros(3), velocity=np.zeros(3))
-        for marker in objects_markers(HEADER, [nothing]).markers[1:]:
+        for marker in markers_of([nothing]).markers[1:]:
             if marker.type != Marker.TEXT_VIEW_FACING:
                 assert min(marker.scale.x, marker.scale.y, marker.scale.z) > 0
 
