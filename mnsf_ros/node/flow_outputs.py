@@ -21,15 +21,16 @@ from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.node.object_messages import (
     MessageMaker,
+    cloud_of,
     installed_messages,
     objects_cloud,
-    predicted_cloud,
 )
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
 from mnsf_ros.sweeps_io.movers_at_stamp import movers_at_stamp
 from mnsf_ros.sweeps_io.object_markers import objects_markers
+from mnsf_ros.sweeps_io.predicted_ground import clearing_columns, predicted_columns
 
 _DEFAULT = Settings()
 
@@ -48,6 +49,7 @@ class FlowOutputs:
         self._moving = output(PointCloud2, "~/flow/moving")
         self._standing = output(PointCloud2, "~/flow/standing")
         self._predicted = output(PointCloud2, "~/predicted")
+        self._clearing = output(PointCloud2, "~/predicted/clearing")
         self._ego_motion = output(Odometry, "~/ego_motion", depth=10)
         self._source = output(String, "~/ego_motion/source", is_latched=True)
         markers: MessageMaker = partial(objects_markers, visualization_msgs.msg)
@@ -69,7 +71,7 @@ class FlowOutputs:
     @property
     def are_watched(self) -> bool:
         """Whether any output has a subscriber."""
-        outputs = [self._flow, self._moving, self._standing, self._predicted]
+        outputs = [self._flow, self._moving, self._standing, self._predicted, self._clearing]
         outputs += [self._ego_motion, self._source, *(output for output, _ in self._objects)]
         return any(output.get_subscription_count() > 0 for output in outputs)
 
@@ -101,7 +103,10 @@ class FlowOutputs:
             if output.get_subscription_count() > 0:
                 output.publish(make(header, known.objects))
         if self._predicted.get_subscription_count() > 0:
-            self._predicted.publish(predicted_cloud(header, known.objects, layout.horizon_s))
+            predicted = predicted_columns(known.objects, layout.horizon_s)
+            self._predicted.publish(cloud_of(header, predicted))
+        if self._clearing.get_subscription_count() > 0:
+            self._clearing.publish(cloud_of(header, clearing_columns(sweep.mounting)))
 
 
 class DebugTimes:

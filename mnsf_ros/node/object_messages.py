@@ -2,9 +2,9 @@
 """Tracked objects as messages: clouds, and those of other packages if installed."""
 
 import importlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 from uuid import UUID, uuid4, uuid5
 
 import numpy as np
@@ -17,7 +17,6 @@ from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from mnsf_ros.sweeps_io.object_markers import Message, Messages, set_yaw
-from mnsf_ros.sweeps_io.predicted_ground import predicted_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
 
@@ -27,13 +26,11 @@ MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
 
 def objects_cloud(header: Header, objects: Objects) -> bytes:
     """Returns the serialized cloud of objects: one row, a point each, fields OBJECT_ROW."""
-    encoding = encode_columns(object_columns(objects), 1, len(objects))
-    return serialized_cloud(header, encoding, is_dense=True)
+    return cloud_of(header, object_columns(objects))
 
 
-def predicted_cloud(header: Header, objects: Objects, horizon_s: float) -> bytes:
-    """Returns the serialized cloud of `predicted_columns`, in one row."""
-    columns = predicted_columns(objects, horizon_s)
+def cloud_of(header: Header, columns: Mapping[str, NDArray[Any]]) -> bytes:
+    """Returns the serialized cloud of columns (N,), x among them, in one row."""
     encoding = encode_columns(columns, 1, len(columns["x"]))
     return serialized_cloud(header, encoding, is_dense=True)
 

@@ -10,11 +10,17 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.sweeps.mounting import Mounting
 
 _CELL_M: Final = 0.2
 # No cell is missed between samples this far apart, however they are turned.
 _SPACING_M: Final = 0.7 * _CELL_M
 _LONGEST_STEP_S: Final = 0.2
+# Rays 0.05 degrees apart, to beyond the border of a costmap, pass each cell of 0.05 m within 28 m.
+_NUM_RAYS: Final = 7200
+_RING_M: Final = 100.0
+# Half a lane: a place that is known no better is none to drive around.
+_MAX_DEVIATION_M: Final = 1.5
 
 
 def predicted_columns(
@@ -23,9 +29,9 @@ def predicted_columns(
     """Returns the ground that objects will cover, as columns (P,): one point in each cell of it.
 
     Each object goes on with its velocity and its turn rate. Its box grows on all sides by the
-    standard deviation of the predicted place. `x`, `y`, `z` are metres in the frame of the
-    objects, at the height of the box's middle; `ahead` is when an object is there first, seconds
-    from the stamp up to the horizon; `id` is its `track_id`.
+    standard deviation of the predicted place, and ends when that exceeds 1.5 m. `x`, `y`, `z` are
+    metres in the frame of the objects, at the height of the box's middle; `ahead` is when an
+    object is there first, seconds from the stamp up to the horizon; `id` is its `track_id`.
     """
     parts = [np.zeros((0, 5)), *(_covered(item, horizon_s) for item in objects)]
     points = np.concatenate(parts)
@@ -41,6 +47,18 @@ def predicted_columns(
     }
 
 
+def clearing_columns(mounting: Mounting | None) -> dict[str, NDArray[Any]]:
+    """Returns `x`, `y`, `z`, (P,) metres, of a level ring around the sensor.
+
+    Rays to it pass all cells of a costmap: no ground that was predicted before stays marked.
+    """
+    angles = np.linspace(0.0, 2 * np.pi, _NUM_RAYS, endpoint=False)
+    ring = _RING_M * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    if mounting is not None:
+        ring = ring @ mounting.sensor_from_level[:3, :3].T
+    return {name: ring[:, axis].astype(np.float32) for axis, name in enumerate("xyz")}
+
+
 def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
     """(P, 5) x, y, z, time and number of points on the ground that one object will cover."""
     speed_m_s = max(math.hypot(*item.velocity[:2].tolist()), _CELL_M)
@@ -49,8 +67,11 @@ def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
     step_s = max(float(item.size[:2] @ direction), _CELL_M) / 2 / speed_m_s
     num_steps = math.ceil(horizon_s / min(step_s, _LONGEST_STEP_S))
     times_s = np.linspace(0.0, horizon_s, num_steps + 1)
-    half = item.size[:2] / 2 + _deviations_m(item, times_s)
-    numbers = np.ceil(2 * half.max(axis=0) / _SPACING_M).astype(int) + 1
+    deviations_m = _deviations_m(item, times_s)
+    if (unknown := (deviations_m > _MAX_DEVIATION_M).any(axis=1)).any():
+        times_s, deviations_m = times_s[: unknown.argmax()], deviations_m[: unknown.argmax()]
+    half = item.size[:2] / 2 + deviations_m
+    numbers = np.ceil(2 * half.max(axis=0, initial=0.0) / _SPACING_M).astype(int) + 1
     grid = np.meshgrid(*(np.linspace(-1, 1, number) for number in numbers))
     offsets = np.stack([axis.ravel() for axis in grid], axis=1) * half[:, None]  # (T, G, 2)
     turned = _rotations(item.yaw + item.turn_rate * times_s) @ offsets.swapaxes(1, 2)

@@ -67,6 +67,15 @@ def test_is_wider_where_the_place_is_less_certain():
     assert np.abs(ground[:, 1]).max() == pytest.approx(1 + np.hypot(0.3, 0.8), abs=0.11)
 
 
+@pytest.mark.parametrize(("deviation_m_s", "until_s"), [(3.0, 0.5), (300.0, 0.0)])
+def test_ends_where_the_place_is_unknown(deviation_m_s, until_s):
+    # As of an object that was seen for the first time.
+    ground, columns = ground_of(car((4.0, 0.0, 0.0), deviations=(0.1, deviation_m_s)))
+    assert columns["ahead"].max() == pytest.approx(until_s, abs=0.2)
+    assert np.abs(ground[:, 1]).max() < 1 + 1.5 + HALF_CELL_M
+    assert len(ground_of(car(deviations=(300.0, 1.0)))[0]) == 0
+
+
 def test_has_one_point_in_a_cell_of_the_object_that_comes_first():
     ground, columns = ground_of(car((5.0, 0.0, 0.0)), car(number=7))
     cells = np.floor(ground / 0.2).astype(int)
