@@ -28,7 +28,7 @@ from mnsf_ros.node.object_messages import (
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
-from mnsf_ros.sweeps_io.movers_at_stamp import movers_at_stamp
+from mnsf_ros.sweeps_io.movers_at_stamp import moving_cloud
 from mnsf_ros.sweeps_io.object_markers import objects_markers
 from mnsf_ros.sweeps_io.predicted_ground import clearing_columns, predicted_columns
 
@@ -89,7 +89,7 @@ class FlowOutputs:
             part = ~known.dynamic
             self._standing.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
         if self._moving.get_subscription_count() > 0:
-            self._moving.publish(_moving_cloud(triplet, estimate, known, settings))
+            self._moving.publish(moving_cloud(triplet, estimate, known, settings))
         header = sweep.source.message.header
         if self._ego_motion.get_subscription_count() > 0:
             message = ego_motion_message(header, self._odom_frame, known, interval_s)
@@ -142,17 +142,6 @@ def _output(
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
     overriding = QoSOverridingOptions.with_default_policies()
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overriding)
-
-
-def _moving_cloud(
-    triplet: SweepTriplet, estimate: FlowEstimate, known: OverGround, settings: Settings
-) -> bytes:
-    """The dynamic points, at the stamp if the settings ask for it."""
-    sweep, interval_s, output, moved = triplet.current, triplet.interval_s, settings.output, None
-    if output.deskew_movers and sweep.times_s is not None and interval_s > 0:
-        deskew = settings.ego_motion.deskew
-        moved, estimate = movers_at_stamp(sweep, estimate, known, interval_s, deskew=deskew)
-    return flow_cloud(sweep, estimate, interval_s, output, known.dynamic, moved)
 
 
 def ego_motion_message(

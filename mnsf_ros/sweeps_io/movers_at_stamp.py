@@ -9,7 +9,23 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.rigid_motion import turned
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
+
+
+def moving_cloud(
+    triplet: SweepTriplet, estimate: FlowEstimate, known: OverGround, settings: Settings
+) -> bytes:
+    """Returns the `flow_cloud` of dynamic points, at the stamp with `output.deskew_movers`.
+
+    Without times of points, or the interval to the next sweep, they are where they were measured.
+    """
+    sweep, interval_s, output, moved = triplet.current, triplet.interval_s, settings.output, None
+    if output.deskew_movers and sweep.times_s is not None and interval_s > 0:
+        deskew = settings.ego_motion.deskew
+        moved, estimate = movers_at_stamp(sweep, estimate, known, interval_s, deskew=deskew)
+    return flow_cloud(sweep, estimate, interval_s, output, known.dynamic, moved)
 
 
 def movers_at_stamp(

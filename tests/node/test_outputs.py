@@ -21,6 +21,7 @@ from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io import movers_at_stamp
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, flow_cloud
 from msg_utils.point_cloud2 import decode_points
 
@@ -90,7 +91,8 @@ def built(monkeypatch):
         numbers.append(len(sweep) if part is None else part.sum())
         return build(sweep, estimate, interval_s, layout, part, moved)
 
-    monkeypatch.setattr(flow_outputs, "flow_cloud", counting)
+    for module in (flow_outputs, movers_at_stamp):
+        monkeypatch.setattr(module, "flow_cloud", counting)
     return numbers
 
 
