@@ -44,14 +44,15 @@ def write_recording(
     simulator = SweepSimulator(settings)
     with BagWriter(path, overwrite=overwrite) as writer:
         for number, sweep in enumerate(simulator, start=1):
-            if nav2:
-                _write_robot(writer, simulator, number - 1, sweep.truth.stamp_ns)
-                tracks = _exact_tracks(simulator, number - 1, sweep.truth.object_id)
-                writer.write_objects(TRUTH_OBJECTS_TOPIC, tracks, sweep.truth.stamp_ns, LIDAR_FRAME)
             # The last sweep has no next sweep in which its points could be found.
             valid = sweep.truth.valid & (number < simulator.num_sweeps)
             true = replace(sweep, truth=replace(sweep.truth, valid=valid))
             writer.write_sweep(true, LIDAR_FRAME)
+            if nav2:
+                stamp_ns, object_ids = sweep.truth.stamp_ns, sweep.truth.object_id
+                tracks = _exact_tracks(simulator, number - 1, object_ids)
+                writer.write_objects(TRUTH_OBJECTS_TOPIC, tracks, stamp_ns, LIDAR_FRAME)
+                _write_robot(writer, simulator, number - 1, stamp_ns)
             if progress is not None:
                 progress(number, simulator.num_sweeps)
     return simulator
