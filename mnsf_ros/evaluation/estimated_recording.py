@@ -10,9 +10,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.outcomes import pushed
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_poses
-from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, UsedTopics
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -64,10 +62,7 @@ def write_estimated(
 
     settings, topic = stream.settings, topics.points
     clouds = recorded_clouds(reader, topic, settings, findings)
-    poses = PoseTrack()
-    if topics.odometry is not None:
-        recorded = recorded_poses(reader, topics.odometry, settings.tf.fixed_frame, findings)
-        poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
+    poses = recorded_track(reader, topics.odometry, settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
             done(number)

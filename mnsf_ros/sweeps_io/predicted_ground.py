@@ -60,7 +60,7 @@ def clearing_columns(mounting: Mounting | None) -> dict[str, NDArray[Any]]:
 
 
 def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
-    """(P, 5) x, y, z, time and number of points on the ground that one object will cover."""
+    """(P, 5) x, y, z, time and `track_id` of samples of the ground that an object will cover."""
     speed_m_s = max(math.hypot(*item.velocity[:2].tolist()), _CELL_M)
     direction = np.abs(_rotations(np.array(-item.yaw)) @ item.velocity[:2]) / speed_m_s
     # Half of its box at one time is in that of the next.

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from recorded_truth import read_sensor_poses, read_truth
 
+from mnsf_ros.cli.main import run
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, pose_matrix, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.simulation.recording import write_recording
@@ -67,10 +68,13 @@ def test_equal_settings_give_equal_bytes(tmp_path):
 def robot(tmp_path_factory):
     """The messages by topic of a recording for nav2, and its simulator."""
     path = tmp_path_factory.mktemp("robot") / "street.mcap"
+    options = ("--scenario", "random", "--seed", "713", "--duration-s", "0.3")
+    assert run(["simulate", str(path), "--nav2", *options]) == 0
     settings = SimulationSettings(seed=713, duration_s=0.3, scenario="random")
-    simulator = write_recording(settings, path, nav2=True)
     with BagReader(path) as reader:
-        return {topic: list(reader.messages(topic)) for topic in reader.topics}, simulator
+        return {topic: list(reader.messages(topic)) for topic in reader.topics}, SweepSimulator(
+            settings
+        )
 
 
 def test_a_robot_knows_its_pose_by_tf_and_odometry(robot):
