@@ -59,7 +59,8 @@ def test_displays_of_rviz(types_of):
     displays = YAML(typ="safe").load(content)["Visualization Manager"]["Displays"]
     shown = {display["Topic"]["Value"]: display for display in displays if "Topic" in display}
     assert shown.keys() == {
-        f"/scene_flow/{name}" for name in ("flow", "flow/moving", "objects/markers", "ego_motion")
+        f"/scene_flow/{name}"
+        for name in ("flow", "flow/moving", "predicted", "objects/markers", "ego_motion")
     }
     for topic, display in shown.items():
         assert types_of[topic] == [RVIZ_DISPLAYS[display["Class"]]]
