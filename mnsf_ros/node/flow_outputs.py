@@ -2,7 +2,9 @@
 """The output topics of an estimate, and its times."""
 
 import time
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import visualization_msgs.msg
@@ -80,33 +82,25 @@ class FlowOutputs:
     ) -> None:
         """Publishes the flow of the triplet's current sweep on all topics with subscribers."""
         sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
-        layout = settings.output
-        if self._flow.get_subscription_count() > 0:
-            self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
+        header, output = sweep.source.message.header, settings.output
+        cloud = partial(flow_cloud, sweep, estimate, interval_s, output)
+        _send(self._flow, cloud)
         if known is None:
             return
-        if self._standing.get_subscription_count() > 0:
-            part = ~known.dynamic
-            self._standing.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
-        if self._moving.get_subscription_count() > 0:
-            self._moving.publish(moving_cloud(triplet, estimate, known, settings))
-        header = sweep.source.message.header
-        if self._ego_motion.get_subscription_count() > 0:
-            message = ego_motion_message(header, self._odom_frame, known, interval_s)
-            self._ego_motion.publish(message)
+        _send(self._standing, lambda: cloud(~known.dynamic))
+        _send(self._moving, partial(moving_cloud, triplet, estimate, known, settings))
+        motion = partial(ego_motion_message, header, self._odom_frame, known, interval_s)
+        _send(self._ego_motion, motion)
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
         if known.track_ids is None:
             return
-        for output, make in self._objects:
-            if output.get_subscription_count() > 0:
-                output.publish(make(header, known.objects))
-        if self._predicted.get_subscription_count() > 0:
-            predicted = predicted_columns(known.objects, layout.horizon_s)
-            self._predicted.publish(cloud_of(header, predicted))
-        if self._clearing.get_subscription_count() > 0:
-            self._clearing.publish(cloud_of(header, clearing_columns(sweep.mounting)))
+        for publisher, make in self._objects:
+            _send(publisher, partial(make, header, known.objects))
+        predicted = partial(predicted_columns, known.objects, output.horizon_s)
+        _send(self._predicted, lambda: cloud_of(header, predicted()))
+        _send(self._clearing, lambda: cloud_of(header, clearing_columns(sweep.mounting)))
 
 
 class DebugTimes:
@@ -142,6 +136,12 @@ def _output(
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
     overriding = QoSOverridingOptions.with_default_policies()
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overriding)
+
+
+def _send(publisher: Publisher, make: Callable[[], Any]) -> None:
+    """Publishes what `make` returns, if anybody listens; else it is not made."""
+    if publisher.get_subscription_count() > 0:
+        publisher.publish(make())
 
 
 def ego_motion_message(
