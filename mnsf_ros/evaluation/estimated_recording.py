@@ -99,6 +99,8 @@ def _write(
     writer.write_odometry(
         f"{_NODE}/ego_motion", known.world_from_sensor, stamp_ns, *frames, covariance=covariance
     )
+    if settings.tf.broadcast:
+        writer.write_transforms(stamp_ns, {frames: known.world_from_sensor})
     if known.track_ids is not None:
         writer.write_objects(f"{_NODE}/objects", known.objects, stamp_ns, frame_id)
         predicted = predicted_columns(known.objects, settings.output.horizon_s)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.cli.main import run
-from mnsf_ros.geometry.transforms import invert, pose_matrix
+from mnsf_ros.geometry.transforms import invert, pose_matrix, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
@@ -59,14 +59,18 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
             assert one.twist.covariance[0] > 1e3
 
 
-def test_ego_motion_is_that_of_the_odometry_if_asked_for(street, tmp_path):
+def test_ego_motion_is_that_of_the_odometry_and_on_tf_if_asked_for(street, tmp_path):
     out, by_odometry = tmp_path / "flow.mcap", ["--set", "ego_motion.source=odometry"]
-    odometry = ["--odometry", "/truth/odometry", *by_odometry]
+    odometry = ["--odometry", "/truth/odometry", *by_odometry, "--set", "tf.broadcast=true"]
     assert run(["estimate", str(street), "--out", str(out), *odometry]) == 0
     with BagReader(street) as reader:
         true = [pose_matrix(one.pose.pose) for one in reader.messages("/truth/odometry")]
     with BagReader(out) as reader:
         found = [pose_matrix(one.pose.pose) for one in reader.messages(f"{NODE}/ego_motion")]
+        links = [one.transforms[0] for one in reader.messages("/tf")]
+    assert {one.child_frame_id for one in links} == {"lidar"}
+    for one, pose in zip(links, found, strict=True):
+        np.testing.assert_allclose(transform_matrix(one.transform), pose, atol=1e-9)
     # From the first sweep, which has no flow.
     for before, after, now, then in zip(true[1:], true[2:], found, found[1:], strict=False):
         np.testing.assert_allclose(invert(now) @ then, invert(before) @ after, atol=1e-6)
