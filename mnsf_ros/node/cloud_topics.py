@@ -15,7 +15,10 @@ from msg_utils.other_clouds import COMPRESSED_TYPE, LIVOX_TYPES
 
 _CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 # Clouds of a scene flow node, which may also be those of a recording that is played.
-_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects", "/predicted")
+_OWN_ENDS: Final = (
+    *("/flow", "/flow/moving", "/flow/standing"),
+    *("/objects", "/predicted", "/predicted/clearing"),
+)
 # That only such a node publishes.
 _OWN_MARK: Final = "/explanation"
 # What makes clouds of other types usable.

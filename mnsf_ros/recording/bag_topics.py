@@ -17,6 +17,8 @@ from msg_utils.other_clouds import COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
 POINTS_TOPIC: Final = "/points"
 TRUTH_FLOW_TOPIC: Final = "/truth/flow"
 TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
+TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
+TF_TOPIC: Final = "/tf"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 # That are read as clouds, the first ones rather.
