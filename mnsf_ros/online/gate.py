@@ -27,7 +27,7 @@ _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
 _TENTATIVE: Final = 2.0
 
 
-def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
+def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
     """Weighs the evidence for the motions of the open objects, and decides which of them move.
 
     Touching objects that move, or may move, alike become a group: if one of it moves, all do.
