@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,7 +133,10 @@ class Effort(IntEnum):
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
-    NO_OBJECT = "ground, too high, or outside the crop"
+    GROUND = "ground"
+    TOO_HIGH = "too high above the ground"
+    OUTSIDE_CROP = "outside the crop"
+    NO_OBJECT = "seen a second time in the same revolution"
     OWN_BODY = "the robot's own body"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
@@ -195,6 +199,18 @@ class SweepTerms:
     moving: Match | None
 
 
+class Leader(NamedTuple):
+    """The object that another one goes along with, because they touch and move alike.
+
+    Attributes:
+        place: (3,) metres, the middle of its points, sensor frame.
+        probability: How likely it moves.
+    """
+
+    place: NDArray[np.float32]
+    probability: float
+
+
 @dataclass(frozen=True, eq=False)
 class Reason:
     """Why an object was called dynamic or not.
@@ -208,6 +224,7 @@ class Reason:
         start: (3,) metres over ground until the next sweep, where the fit of its motion started.
         motion: (3,) metres, likewise, the fitted motion; None if none was searched.
         evidence: Name of further evidence to its value.
+        leader: What a dynamic object goes along with that is not dynamic by its own evidence.
     """
 
     verdict: Verdict
@@ -217,6 +234,7 @@ class Reason:
     start: NDArray[np.float64] | None = None
     motion: NDArray[np.float64] | None = None
     evidence: Mapping[str, float] = field(default_factory=dict)
+    leader: Leader | None = None
 
 
 @dataclass(frozen=True, eq=False)
