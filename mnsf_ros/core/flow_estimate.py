@@ -256,8 +256,8 @@ class FlowEstimate:
             that have none.
         over_ground: Motion without the ego motion, of methods that estimate it.
         num_left_out: Suspects beyond the limit of the settings, which count as static.
-        num_own: Points on the robot's own body; their flow is 0.
-        own_reach_m: Distance of the farthest of them; 0 without any.
+        own_body: (B, 3) float32, metres, sensor frame, the points on the robot's own body; their
+            flow is 0.
         effort: How much of it was done.
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
@@ -272,8 +272,9 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
-    num_own: int = 0
-    own_reach_m: float = 0.0
+    own_body: NDArray[np.float32] = field(
+        default_factory=lambda: np.zeros((0, 3), np.float32), repr=False
+    )
     effort: Effort = Effort.FULL
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 
@@ -292,6 +293,12 @@ class FlowEstimate:
     def time_ms(self) -> float:
         """Wall time of the whole estimate."""
         return sum(self.times_ms.values())
+
+    @property
+    def own_body_text(self) -> str:
+        """Number and reach of the points on the own body."""
+        reach_m = np.linalg.norm(self.own_body, axis=1).max(initial=0.0)
+        return f"{len(self.own_body)} points" + (f" within {reach_m:.1f} m" if reach_m else "")
 
     @property
     def stop_reasons(self) -> dict[str, str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.decision import decided
 from mnsf_ros.online.first_guess import first_guesses
 from mnsf_ros.online.motion_memory import MotionMemory
@@ -127,8 +128,7 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
-            num_own=int(np.count_nonzero(scene.current.own)),
-            own_reach_m=scene.current.own_reach_m,
+            own_body=chosen_points(triplet.current.xyz, scene.current.own),
             effort=effort,
             reason_of=Reasons(scene, table),
         )

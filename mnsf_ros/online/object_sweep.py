@@ -95,12 +95,6 @@ class ObjectSweep:
         return RangeView(self.xyz)
 
     @property
-    def own_reach_m(self) -> float:
-        """The distance of the farthest point of the own body; 0 without any."""
-        own = chosen_points(self.sweep.xyz, self.own)
-        return float(np.sqrt((own**2).sum(axis=1)).max(initial=0.0))
-
-    @property
     def num_objects(self) -> int:
         """Number of objects; number 0 is none."""
         return len(self.wholes)

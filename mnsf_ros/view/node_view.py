@@ -40,6 +40,7 @@ _VALUES: Final = {
     "rate [Hz]": "flows a second",
     "flows_out": "flows out",
     "triplets_dropped": "dropped",
+    "own body": "own body",
     "source": "ego motion",
 }
 _ROUND_S: Final = 0.05
@@ -205,6 +206,7 @@ class NodeView(PageView):
             for one in own
             if one.level in _LEVELS
         ]
+        self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
         self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
 

@@ -16,6 +16,7 @@ from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps.kept_points import boxes_around
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import (
     LAYERS,
@@ -248,8 +249,10 @@ class RecordingView(PageView):
         values = {
             "points": f"{len(sweep.example.triplet.current):,}",
             "dynamic objects": "unknown" if known is None else str(len(known.objects)),
+            "own body": estimate.own_body_text,
             "estimate": f"{estimate.time_ms:.0f} ms",
         }
+        self._take_own_body(boxes_around(estimate.own_body))
         self._server.tell(
             "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
         )
