@@ -109,6 +109,7 @@ class NodeView(PageView):
             text = f"{self._name} does not run, or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
             self._server.tell("status", latency=None, values={}, warnings=warnings)
+            self._wait(f"waiting for the node: {text}")
         self._is_there = is_there
         self._ros.spin_for(_ROUND_S)
 
@@ -206,6 +207,8 @@ class NodeView(PageView):
             for one in own
             if one.level in _LEVELS
         ]
+        worst = max(own, key=lambda one: one.level)
+        self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
         self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
         self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)

@@ -123,6 +123,10 @@ class PageView(ABC):
         except SettingsError as error:
             self._refuse(str(error))
 
+    def _wait(self, text: str) -> None:
+        """Says what a page without any sweep waits for."""
+        self._server.tell("waiting", text=text)
+
     def _refuse(self, reason: str) -> None:
         self._server.refuse(reason)
         self._publish_knobs()

@@ -85,6 +85,7 @@ class RecordingView(PageView):
         self._preview: _Shown | None = None
         self._start_at(0.0)
         self._publish_knobs()
+        self._wait("estimating the first sweep")
 
     def _idle_s(self) -> float | None:
         if self._server.num_viewers == 0:

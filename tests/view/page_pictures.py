@@ -31,6 +31,7 @@ def main() -> None:
         served(recording) as url,
         Browser(url, Path(profile), SIZE) as browser,
     ):
+        browser.show_as(*SIZE, "dark")
         browser.until(STAMP)
         browser.click("#play")
         seek(browser, second)
