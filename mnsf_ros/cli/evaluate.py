@@ -149,7 +149,10 @@ def _shown(
     console: Console,
 ) -> Iterable[tuple[EvaluationTask, TaskEvent]]:
     """Yields the events, with a bar of sweeps and a line for each task that is done."""
-    num_sweeps = {task.key: -(-task.recording.num_sweeps // evaluation.every) for task in tasks}
+    most = evaluation.max_examples or sys.maxsize
+    num_sweeps = {
+        task.key: min(-(-task.recording.num_sweeps // evaluation.every), most) for task in tasks
+    }
     done = {task.key: len(task.skipped) for task in tasks}
     with counting_progress(console) as progress:
         bar = progress.add_task("evaluating sweeps", total=sum(num_sweeps.values()))

@@ -133,6 +133,7 @@ class Effort(IntEnum):
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
+    OPEN = "not decided yet"
     GROUND = "ground"
     TOO_HIGH = "too high above the ground"
     OUTSIDE_CROP = "outside the crop"

@@ -56,7 +56,7 @@ class EvaluationOptions:
         1,
         _LARGE,
     )
-    max_examples: int = declared(0, "use the first N examples of each recording; 0: all", 0, _LARGE)
+    max_examples: int = declared(0, "score at most N examples of each recording; 0: all", 0, _LARGE)
     seed: int = declared(0, "seed of everything random, of points and methods", 0, _LARGE)
     ground: str = declared(
         "truth",

@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import Leader, Match, PointState, Reason, Sweep
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import FITTED, ObjectTable
 from mnsf_ros.online.target import Target
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -45,8 +45,8 @@ class Reasons:
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
             return Reason(Verdict.OWN_BODY)
-        owners = current.objects()[rows]
-        number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
+        objects = current.objects()[rows]
+        number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:
             return Reason(self._without_object(rows))
         num_points = int(current.counts[number])
@@ -60,7 +60,7 @@ class Reasons:
             motion = self.table.moving.motions[row]
             evidence = {
                 "points new or gone": float(self.table.free[row]),
-                "probability": float(expit(self.table.scores[row])),
+                "probability": float(expit(self.table.log_odds[row])),
             }
             leader = self._leader(row)
         return Reason(
@@ -83,13 +83,13 @@ class Reasons:
 
     def _leader(self, row: int) -> Leader | None:
         """What the object of a row goes along with; None if it is static or moves by itself."""
-        groups, scores = self.table.groups, self.table.scores
+        groups, log_odds = self.table.groups, self.table.log_odds
         limit = self.scene.settings.min_probability
-        if self.table.verdicts[row] is not Verdict.DYNAMIC or expit(scores[row]) > limit:
+        if self.table.verdicts[row] is not Verdict.DYNAMIC or expit(log_odds[row]) > limit:
             return None
         group = np.flatnonzero(groups == groups[row])
-        best = int(group[scores[group].argmax()])
-        return Leader(self.table.points.centers[best], float(expit(scores[best])))
+        best = int(group[log_odds[group].argmax()])
+        return Leader(self.table.points.centers[best], float(expit(log_odds[best])))
 
     def _without_row(self, number: int, num_points: int) -> Verdict:
         """The verdict on an object that is not in the table."""
@@ -101,7 +101,7 @@ class Reasons:
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
-        own = objects.take(np.flatnonzero(objects.numbers == number))
+        own = objects.select(np.flatnonzero(objects.numbers == number))
         if len(own) == 0:
             return ()
         no_motion = np.zeros(3, np.float32)

@@ -99,7 +99,7 @@ def test_object_that_is_dynamic_only_with_another_one_names_it():
     leader = int(np.flatnonzero(numbers == np.bincount(owners[car]).argmax())[0])
     follower = (leader + 1) % len(numbers)
     table = reasons.table.put(np.array([leader, follower]), groups=0, verdicts=Verdict.DYNAMIC)
-    table = table.put(np.array([follower]), scores=-2.0).put(np.array([leader]), scores=3.0)
+    table = table.put(np.array([follower]), log_odds=-2.0).put(np.array([leader]), log_odds=3.0)
     reasons = replace(reasons, table=table)
     reason = reasons(np.flatnonzero(owners == numbers[follower]))
     assert reason.evidence["probability"] == pytest.approx(0.119, abs=0.001)
