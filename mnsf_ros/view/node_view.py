@@ -169,7 +169,7 @@ class NodeView(PageView):
         self._ask()
 
     def _explain(self) -> None:
-        self._server.tell("reasons", lines=[])
+        self._tell_reasons([])
         self._ask()
 
     def _ask(self) -> None:
@@ -187,7 +187,7 @@ class NodeView(PageView):
         if self._asked is not None:
             (status,) = message.status
             lines = [f"{item.key}: {item.value}" for item in status.values]
-            self._server.tell("reasons", lines=lines or [status.message])
+            self._tell_reasons(lines or [status.message])
 
     def _receive_latency(self, message: Any) -> None:  # noqa: ANN401
         self._latency_ms = float(message.data)

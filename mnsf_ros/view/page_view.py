@@ -117,6 +117,11 @@ class PageView(ABC):
                 self._asked = Asked.by(command)
                 self._explain()
 
+    def _tell_reasons(self, lines: list[str]) -> None:
+        """Tells the reasons for what is asked about; the page may be at another track by now."""
+        track = 0 if self._asked is None else self._asked.track
+        self._server.tell("reasons", lines=lines, track=track)
+
     def _try_to_set(self, values: Mapping[str, Any]) -> None:
         try:
             self._set(values)

@@ -230,7 +230,7 @@ class RecordingView(PageView):
                 lines = decision(sweep.example, sweep.estimate, rows)
             except EvaluationError as error:
                 lines = [str(error)]
-        self._server.tell("reasons", lines=lines)
+        self._tell_reasons(lines)
 
     def _publish_player(self, estimated_s: float = 0.0) -> None:
         """Tells the state of the player; before the target, the position of the last estimate."""

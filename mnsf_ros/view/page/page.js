@@ -50,7 +50,8 @@ const HANDLERS = {
   waiting: ({ text }) => { find("#waiting").textContent = text; },
   status: (message) => status.show(message),
   refused: ({ text }) => notice(text, 6000),
-  reasons({ lines }) {
+  reasons({ lines, track }) {
+    if (track !== selected.track) return;
     selected.lines = lines;
     describeSelection();
   },
