@@ -110,8 +110,10 @@ def _object_of(estimate: FlowEstimate, called: NDArray[np.int64]) -> str:
     if len(called) == 0:
         return ""
     known = estimate.over_ground
-    ids = () if known is None or known.track_ids is None else known.track_ids[called]
-    return f"object {np.bincount(ids).argmax()}" if len(ids) else "a mover beside it"
+    if known is None or known.track_ids is None or not known.track_ids[called].any():
+        return "a mover beside it"
+    ids = known.track_ids[called]
+    return f"object {np.bincount(ids[ids > 0]).argmax()}"
 
 
 def _verdict_text(reason: Reason, mover: str) -> str:

@@ -137,7 +137,7 @@ class NodeView(PageView):
         def try_to_receive(message: Any) -> None:  # noqa: ANN401 - of several types
             try:
                 receive(message)
-            except (MessageError, ValueError) as error:
+            except (MessageError, SettingsError, ValueError) as error:
                 _LOG.warning("%s: a message that cannot be shown: %s", topic, one_line(error))
 
         self._subscriptions.append(self._ros.subscribe(topic, msgtype, try_to_receive))

@@ -137,8 +137,16 @@ class PageView(ABC):
         self._publish_knobs()
 
     def _take_own_body(self, boxes: str) -> None:
-        """Shows the own body that was found, boxes as in `crop.own_body`, and offers to save it."""
+        """Shows the own body that was found, and offers to save it.
+
+        Args:
+            boxes: As in `crop.own_body`; empty for none.
+
+        Raises:
+            SettingsError: These are no boxes.
+        """
         if boxes != self._found_body:
+            Settings().changed({_OWN_BODY: boxes or "none"})
             self._found_body = boxes
             self._publish_knobs()
 

@@ -187,11 +187,14 @@ def test_own_body_of_a_node_is_shown_and_saved(address: str) -> None:
         values = {"own body": "130 points within 2.1 m", "own body boxes": "-2.1 -1 0 0 1 0.5"}
         status = DiagnosticStatus(name="front: flow")
         status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-        raw = serialize_message(DiagnosticArray(status=[status]))
+        no_boxes = KeyValue(key="own body boxes", value="1 2; x")
+        others = [DiagnosticStatus(name="front: flow", values=[no_boxes])]
+        raw, bad = (serialize_message(DiagnosticArray(status=one)) for one in ([status], others))
         newest: dict[str, dict] = {}
         give_up_s = time.monotonic() + PATIENCE_S
         while not newest.get("knobs", {}).get("body"):
             assert time.monotonic() < give_up_s, newest.keys()
+            publisher.publish(bad)
             publisher.publish(raw)
             ros.spin_for(0.05)
             with suppress(TimeoutError):
