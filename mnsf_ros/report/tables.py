@@ -65,7 +65,7 @@ _OBJECTS: Final = {
     "found": _percent("found"),
     "flicker": _percent("flicker"),
     "delay_s": Column("delay (s)", 2),
-    "num_movers": Column("movers", None),
+    "num_movers": Column("number", None),
     "num_sweeps": Column("mover-sweeps", None),
 }
 _WORK: Final = {
@@ -95,7 +95,7 @@ _HIGHER: Final = {
     *(_CALLED_DYNAMIC[name].title for name in ("precision", "recall", "iou")),
     _OBJECTS["found"].title,
 }
-_MOVERS: Final = "movers"  # head of rows of a method and a group of movers
+_MOVERS: Final = "method: movers"  # head of rows of a method and a group of movers
 _GROUP_TITLES: Final = {"all": "All points", "dynamic": "Dynamic points", "static": "Static points"}
 
 
