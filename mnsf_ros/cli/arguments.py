@@ -79,8 +79,8 @@ class Arguments:
             name = f"--{setting.name.replace('_', '-')} {metavar}"
             self.value(name, setting.text, default=defaults.get(setting.name, setting.default))
 
-    def recordings(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
-        """Adds an argument or option with recordings, which must be there, as for `value`."""
+    def existing(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
+        """Adds an argument or option with paths, which must be there, as for `value`."""
         self.value(name, text, _existing, **others)
 
     def points(self) -> None:

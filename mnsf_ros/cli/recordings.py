@@ -9,14 +9,12 @@ from typing import Final
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
 from mnsf_ros.cli.console import Console, counting_progress
-from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
-from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
+from mnsf_ros.datasets.formats import FORMATS, TruthSettings
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording as write_simulation
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
@@ -33,13 +31,15 @@ def run_simulate(options: argparse.Namespace) -> None:
     """Writes a simulated street."""
     settings, console = chosen(options, SimulationSettings), Console()
     check_target(options.out, overwrite=options.force)
+    from mnsf_ros.simulation.sweeps import write_recording
+
     with counting_progress(console) as progress:
         task = progress.add_task("simulating a street", total=None)
 
         def show(num_done: int, num_sweeps: int) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
 
-        simulator = write_simulation(settings, options.out, show, overwrite=options.force)
+        simulator = write_recording(settings, options.out, show, overwrite=options.force)
     console.say(simulator.scene.text)
     console.say(
         f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
@@ -51,7 +51,7 @@ def add_convert(arguments: Arguments) -> str:
     """Declares the arguments of `mnsf convert`."""
     arguments.value("format FORMAT", ", ".join(FORMATS), choices=FORMATS)
     source_text = "file or folder of the data set; see the list of formats below"
-    arguments.value("source SOURCE", source_text, Path)
+    arguments.existing("source SOURCE", source_text)
     arguments.value("out OUT", "folder to write, or a single file OUT.mcap", Path)
     arguments.flag("--force", FORCE)
     arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
@@ -72,6 +72,8 @@ def add_convert(arguments: Arguments) -> str:
 def run_convert(options: argparse.Namespace) -> None:
     """Writes a sequence of a data set."""
     check_target(options.out, overwrite=options.force)
+    from mnsf_ros.datasets.conversion import open_source, write_recording
+
     settings = TruthSettings(options.box_margin, options.unlabelled_static, options.official_labels)
     source = open_source(options.format, options.source, options.sequence)
     source = source.part(options.first, options.count)
@@ -93,7 +95,7 @@ def run_convert(options: argparse.Namespace) -> None:
 
 def add_play(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf play`."""
-    arguments.recordings("bag", "recording, of ROS 1 or ROS 2")
+    arguments.existing("bag", "recording, of ROS 1 or ROS 2")
     arguments.value("--topics TOPIC,...", "only these topics")
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
