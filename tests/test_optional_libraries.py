@@ -40,6 +40,7 @@ if name.endswith("__main__"):
 @pytest.mark.parametrize(
     ("packages", "missing"),
     [
+        (["cli.main", "node.environment"], ["numpy"]),
         (["errors", "settings", "presets"], ["torch", "numpy", "scipy", "rosbags", *_ROS]),
         (["cli", "evaluation", "report", "datasets"], ["torch", *_ROS]),
         (["view", "simulation", "online"], ["torch", "cattrs", "jinja2", "pandas"]),
