@@ -34,7 +34,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     from mnsf_ros.simulation.sweeps import write_recording
 
     with counting_progress(console) as progress:
-        task = progress.add_task("simulating a street", total=None)
+        task = progress.add_task(f"simulating the scenario {settings.scenario}", total=None)
 
         def show(num_done: int, num_sweeps: int) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
@@ -114,12 +114,14 @@ def run_play(options: argparse.Namespace) -> None:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)
         total = sum(reader.topics[topic].count for topic in topics or reader.topics)
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        text = f"playing {options.bag} on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}"
+        bar = counting_progress(console)
+        if options.loop:  # A bar would never end.
+            console.say(f"{text}, again and again")
+            bar.disable = True
         # Ctrl-C is no failure, also for ros2 launch.
-        with suppress(KeyboardInterrupt), counting_progress(console) as progress:
-            task = progress.add_task(
-                f"playing on ROS domain {domain}", total=None if options.loop else total
-            )
+        with suppress(KeyboardInterrupt), bar as progress:
+            task = progress.add_task(text, total=total)
             play(
                 reader,
                 lambda number: progress.update(task, completed=number),
