@@ -23,7 +23,8 @@ endif
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
+# Modules are compiled when they are first imported: most of these never are.
+INSTALL := $(PIP) install --no-compile --constraint $(VENV)/constraints.txt --editable
 
 STREET := street
 
