@@ -37,7 +37,7 @@ WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$py
 help: ## lists these
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
 
-setup: $(READY) ## installs the node and its views into .venv: 0.8 GB, some minutes
+setup: $(READY) ## installs the node and its views into .venv: 0.8 GB
 
 complete: $(COMPLETE)
 
@@ -78,7 +78,7 @@ view: $(READY) $(if $(BAG),,$(STREET)) ## the same without the node, to pause an
 $(STREET): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed 0 $@
 
-# Both pictures in the README; needs Chromium.
+# The pictures of the street and of the page; needs Chromium.
 picture: $(COMPLETE) $(STREET)
 	$(BIN)/python tests/view/page_pictures.py $(STREET) 3.4 docs
 

@@ -51,7 +51,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
-        options.out = _new_folder(options.bags)
+        options.out = new_folder(options.bags)
     evaluation = chosen(options, EvaluationOptions, settings=chosen_settings(options))
     check_folder(options.out, resume=options.resume)
     methods, given_up = _methods(options, evaluation, console)
@@ -134,8 +134,8 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
     console.say(f"Results: {folder.path / 'results.md'}")
 
 
-def _new_folder(paths: Sequence[Path]) -> Path:
-    """A folder named after the first recording, the number of others, and the time."""
+def new_folder(paths: Sequence[Path]) -> Path:
+    """Returns a folder named after the first recording, the number of others, and the time."""
     name = short_name(paths[0]) or "recording"
     more = f"+{len(paths) - 1}" if len(paths) > 1 else ""
     return Path(f"{name}{more}-{datetime.now():%Y%m%d-%H%M%S}")
