@@ -54,6 +54,14 @@ def test_recipe_for_ros_installs_every_requirement(requirements) -> None:
     assert names_of(requirements[""]) - installed == {"setuptools", "backports-zstd"}
 
 
+def test_pixi_has_the_packages_of_ros_that_package_xml_names() -> None:
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    keys = [element.text.replace("_", "-") for element in package.iter("exec_depend")]
+    wanted = {f"ros-jazzy-{key}" for key in keys if not key.startswith("python3-")}
+    names = re.findall(r"^(ros-\S+) = ", (ROOT / "pixi.toml").read_text(), re.MULTILINE)
+    assert {*names} == wanted
+
+
 def test_hard_requirements_exclude_ros_and_pytorch(requirements) -> None:
     """Wheels of ROS would shadow an installed ROS; PyTorch is gigabytes, and `online` has none."""
     assert not [name for name in names_of(requirements[""]) if name.startswith(("ros-", "torch"))]
