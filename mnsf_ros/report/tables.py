@@ -59,7 +59,7 @@ _OBJECTS: Final = {
     "found": _percent("found"),
     "flicker": _percent("flicker"),
     "delay_s": Column("delay (s)", 2),
-    "num_movers": Column("movers", None),
+    "num_movers": Column("number", None),
     "num_sweeps": Column("mover-sweeps", None),
 }
 _WORK: Final = {
@@ -172,7 +172,9 @@ def _objects_table(summary: pd.DataFrame, groups: Iterable[str]) -> TextTable:
         if part.loc[method].notna().any()
     }
     frame = pd.DataFrame.from_dict(lines, orient="index")
-    return _made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
+    return _made_table(
+        frame, _OBJECTS, "Objects that move, of 20 points and more", "method: movers"
+    )
 
 
 def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:
