@@ -24,6 +24,7 @@ def add_simulate(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf simulate`."""
     arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
+    arguments.flag("--nav2", "also write /tf, /odom, and the exact tracks on /truth/objects")
     arguments.declared(SimulationSettings)
 
 
@@ -31,7 +32,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     """Writes a simulated street."""
     settings, console = chosen(options, SimulationSettings), Console()
     check_target(options.out, overwrite=options.force)
-    from mnsf_ros.simulation.sweeps import write_recording
+    from mnsf_ros.simulation.recording import write_recording
 
     with counting_progress(console) as progress:
         task = progress.add_task(f"simulating the scenario {settings.scenario}", total=None)
@@ -39,7 +40,9 @@ def run_simulate(options: argparse.Namespace) -> None:
         def show(num_done: int, num_sweeps: int) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
 
-        simulator = write_recording(settings, options.out, show, overwrite=options.force)
+        simulator = write_recording(
+            settings, options.out, show, overwrite=options.force, nav2=options.nav2
+        )
     console.say(simulator.scene.text)
     console.say(
         f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
