@@ -6,10 +6,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 from mnsf_ros.core.compute_device import node_threads
-from mnsf_ros.core.scene_flow_estimator import MethodTraits
+from mnsf_ros.core.method_traits import MethodTraits
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.methods import make_method
 from mnsf_ros.setting import SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings
 
@@ -131,6 +130,8 @@ def evaluated_methods(
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
+    from mnsf_ros.methods import make_method
+
     changes: dict[str, SettingValue] = {"compute.device": "cpu"} if is_remote else {}
     settings = options.settings.changed(changes)
     return [EvaluatedMethod(name, make_method(name, settings).traits) for name in names]
