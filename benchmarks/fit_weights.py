@@ -135,7 +135,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
     scene, table = estimate.reason_of.scene, estimate.reason_of.table
     rows = np.flatnonzero(truth.scored & estimate.kept)
     # With all parts, also of what moves.
-    owners = scene.targets.near[0].current.objects()[rows]
+    owners = scene.targets.near[0].current.object_ids()[rows]
     is_close = end_point_errors(estimate.flow[rows], truth.truth.flow[rows]) < _CLOSE_M
     said = estimate.over_ground.confidence[rows].astype(float)
 

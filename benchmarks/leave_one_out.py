@@ -21,7 +21,7 @@ from frame import Table, make_parser, publish
 from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
-from mnsf_ros.online import attachments, gate, motions, preparation, target, turning
+from mnsf_ros.online import attachments, gate, motions, object_flow, target, turning
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
@@ -57,7 +57,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "between the beams": (range_view, "_between", lambda is_seen: np.zeros(len(is_seen), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
-    "splitting": (preparation, "split", lambda current, _: current),
+    "splitting": (object_flow, "split", lambda current, _: current),
     "attachments": (attachments, "attached", lambda *_: np.zeros((2, 0), int)),
     "turning": (turning, "turning", _without_turns),
     "longer steps of fits": (motions, "_OVER_RELAXATION", 1.0),

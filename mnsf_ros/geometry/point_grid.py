@@ -40,7 +40,7 @@ class PointGrid:
         own = np.ascontiguousarray(places, np.float32)
         return _rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
 
-    def touching(
+    def within_reach(
         self, places: NDArray[np.float32], owners: NDArray[np.int64], of_points: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
         """Returns (K, K) which owners of places have a point of which other owner in reach.
@@ -52,7 +52,7 @@ class PointGrid:
         """
         number = int(max(owners.max(initial=-1), of_points.max(initial=-1))) + 1
         in_order = of_points[self._rows]
-        return _touching(places, owners, in_order, number, self.starts, self.points)
+        return _within_reach(places, owners, in_order, number, self.starts, self.points)
 
     def compared(
         self,
@@ -62,7 +62,7 @@ class PointGrid:
         transform: NDArray[np.float64],
         within_m: NDArray[np.float32],
         limits_m: NDArray[np.float32] | None = None,
-        most_m: NDArray[np.float64] | None = None,
+        max_sum_m: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Compares the points of objects with those of the grid.
 
@@ -73,7 +73,7 @@ class PointGrid:
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
             limits_m: (P,) metres, the largest distance beyond `within_m` that counts for a point.
-            most_m: (K,) metres; from where its sum of distances is above, the other points of an
+            max_sum_m: (K,) metres; from where its sum of distances is above, the other points of an
                 object are left out.
 
         Returns:
@@ -87,7 +87,7 @@ class PointGrid:
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
             np.full(len(positions), np.float32(REACH_M)) if limits_m is None else limits_m,
-            np.full(len(motions), np.inf) if most_m is None else most_m,
+            np.full(len(motions), np.inf) if max_sum_m is None else max_sum_m,
             self.starts,
             self.points,
         )
@@ -213,7 +213,7 @@ def _nearest(
 @compiled(
     "boolean[:, ::1](float32[:, ::1], int64[::1], int64[::1], int64, int32[::1], float32[:, ::1])"
 )
-def _touching(
+def _within_reach(
     places: NDArray[np.float32],
     owners: NDArray[np.int64],
     of_points: NDArray[np.int64],
@@ -221,12 +221,12 @@ def _touching(
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> NDArray[np.bool_]:
-    """Loop of `PointGrid.touching`; owners of points are in the order of their buckets."""
-    are_touching = np.zeros((number, number), np.bool_)
+    """Loop of `PointGrid.within_reach`; owners of points are in the order of their buckets."""
+    are_near = np.zeros((number, number), np.bool_)
     for row in range(len(places)):
         x, y, z = places[row]
         across, along, up = _cell(x), _cell(y), _cell(z)
-        are_met = are_touching[owners[row]]
+        are_met = are_near[owners[row]]
         for by_x in range(-1, 2):
             for by_y in range(-1, 2):
                 for by_z in range(-1, 2):
@@ -239,7 +239,7 @@ def _touching(
                         )
                         if dx * dx + dy * dy + dz * dz <= REACH_M * REACH_M:
                             are_met[of_points[other]] = True
-    return are_touching
+    return are_near
 
 
 @compiled("int64[::1](float32[:, ::1], float32, int32[::1], float32[:, ::1], int32[::1])")
@@ -271,7 +271,7 @@ def _compared(
     transform: NDArray[np.float32],
     within_m: NDArray[np.float32],
     limits_m: NDArray[np.float32],
-    most_m: NDArray[np.float64],
+    max_sum_m: NDArray[np.float64],
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
@@ -282,7 +282,7 @@ def _compared(
     to_x, to_y, to_z = transform[0], transform[1], transform[2]
     for row in range(len(positions)):
         owner = owners[row]
-        if distances[owner] > most_m[owner]:
+        if distances[owner] > max_sum_m[owner]:
             continue
         x = positions[row, 0] + motions[owner, 0]
         y = positions[row, 1] + motions[owner, 1]

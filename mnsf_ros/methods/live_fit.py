@@ -39,14 +39,14 @@ class _Pull:
         distance: D(p, S).
         rotation: (3, 3) from the axes of the world to the sensor frame of the sweep.
         shift: (3,) metres.
-        intervals: (P, 1) factor from the fitted flow to the motion until the sweep.
+        time_ratios: (P, 1) factor from the fitted flow to the motion until the sweep.
         weight: Of its loss.
     """
 
     distance: TargetDistance
     rotation: torch.Tensor
     shift: torch.Tensor
-    intervals: torch.Tensor
+    time_ratios: torch.Tensor
     weight: float
 
     def of(
@@ -58,18 +58,18 @@ class _Pull:
             points: (B, 3) metres, axes of the world.
             flow: (B, 3) metres, likewise, without gradient.
             widths: (B,) metres, from where on the loss is linear.
-            chosen: (B,) rows of these points in `intervals`.
+            chosen: (B,) rows of these points in `time_ratios`.
 
         Returns:
             The loss, a scalar, and its gradient with respect to the flow, (B, 3).
         """
-        intervals = self.intervals[chosen]
-        moved = torch.addmm(self.shift, points + intervals * flow, self.rotation.T)
+        time_ratios = self.time_ratios[chosen]
+        moved = torch.addmm(self.shift, points + time_ratios * flow, self.rotation.T)
         distances, directions = self.distance.with_gradient(moved)
         # The slope of the loss: 1 from the width on, less below.
         slopes = (distances / widths).clamp(max=1.0)
         loss = (slopes * (distances - slopes * widths / 2)).mean()
-        factors = intervals * slopes[:, None] * (self.weight / len(points))
+        factors = time_ratios * slopes[:, None] * (self.weight / len(points))
         return self.weight * loss, factors * (directions @ self.rotation)
 
 
@@ -162,15 +162,15 @@ class LiveFit:
 
         `unit` is the time to the next sweep in usual intervals, negative for the backward flow.
         """
-        intervals = target.intervals_of(self._objects, self._start) * unit
-        of_points = np.broadcast_to(intervals, (len(self._objects), 1))[self._objects.owners]
+        time_ratios = target.time_ratios_of(self._objects, self._start) * unit
+        of_points = np.broadcast_to(time_ratios, (len(self._objects), 1))[self._objects.owners]
         return _Pull(
             self._distance_to(target),
             self._tensor(target.from_current[:3, :3] @ self._axes.T),
             self._tensor(target.from_current[:3, 3]),
             self._tensor(of_points),
             # Each sweep pulls as hard, however far away it is.
-            1.0 / abs(target.intervals * unit),
+            1.0 / abs(target.time_ratio * unit),
         )
 
     def _fit(self, stage: str, pulls: _Pulls, share_of_budget: float) -> None:

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Attachments: points without a motion of their own that move with a mover."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +13,28 @@ from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
 
+# Lower points are ground: higher ones may be the bottom of a mover.
+_MIN_HEIGHT_M: Final = NOISE_M
+
 
 def rows_of_movers(
-    scene: Scene, table: ObjectTable, objects: NDArray[np.int64]
+    scene: Scene, table: ObjectTable, object_ids: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Returns (N,) the row among the movers that each point moves with; -1 for none.
 
     Args:
         scene: The sweeps.
         table: The objects. Suspects that were not found to move may be fragments of movers.
-        objects: (N,) the object of each point of the current sweep.
+        object_ids: (N,) the object of each point of the current sweep.
     """
     current, movers = scene.current, table.movers.points
-    rows = movers.rows_of(current.num_objects)[objects]
+    rows = movers.rows_of(current.num_objects)[object_ids]
     is_loose = current.counts < scene.settings.min_points
     is_loose[table.doubtful.points.numbers] = True
     # A static whole with a moving part is no fragment.
     is_loose[current.wholes[movers.numbers]] = False
     is_loose[0] = False
-    attached_points, their_rows = attached(current, objects, movers, is_loose)
+    attached_points, their_rows = attached(current, object_ids, movers, is_loose)
     rows[attached_points] = their_rows
     if current.clock is not None:
         motions = table.movers.moving.motions[movers.owners]
@@ -46,7 +49,7 @@ def rows_of_movers(
 
 def attached(
     current: ObjectSweep,
-    objects: NDArray[np.int64],
+    object_ids: NDArray[np.int64],
     movers: ObjectPoints,
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -54,7 +57,7 @@ def attached(
 
     Args:
         current: The sweep.
-        objects: (N,) the object of each point, see `ObjectSweep.objects`.
+        object_ids: (N,) the object of each point, see `ObjectSweep.object_ids`.
         movers: K objects that move.
         is_loose: (all objects of the sweep,) those that may be fragments of movers.
 
@@ -64,21 +67,22 @@ def attached(
     if len(movers) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     points, owners = movers.all_points(current)
-    may_belong = is_loose[objects] | (current.heights > NOISE_M) & ~current.kept
+    may_belong = is_loose[object_ids] | (current.heights > _MIN_HEIGHT_M) & ~current.kept
     near = _near_from_above(points, current.xyz, may_belong)
-    near_objects, places = objects[near], np.take(current.xyz, near, axis=0)
+    near_ids, places = object_ids[near], np.take(current.xyz, near, axis=0)
     nearest = np.full(len(near), -1)
-    is_fragment = is_loose[near_objects]
+    is_fragment = is_loose[near_ids]
     nearest[is_fragment] = PointGrid(points).nearest(places[is_fragment])
     # Points taken for ground belong to a mover if their height above the ground exceeds their
     # horizontal distance to the mover.
     higher_m = current.heights[near] - spacing_of(places) / 2
     is_low = ~is_fragment & (higher_m > 0)
     nearest[is_low] = _above(points, places[is_low], higher_m[is_low])
-    # Either all points of a fragment move, or none.
-    sizes = np.bincount(objects[is_loose[objects]], minlength=current.num_objects)
-    num_near = np.bincount(near_objects[nearest >= 0], minlength=current.num_objects)
-    is_attached = (nearest >= 0) & (2 * num_near > sizes)[near_objects]
+    # Either all points of a fragment move, or none. Ground, object 0, has size 0 here and always
+    # passes.
+    sizes = np.bincount(object_ids[is_loose[object_ids]], minlength=current.num_objects)
+    num_near = np.bincount(near_ids[nearest >= 0], minlength=current.num_objects)
+    is_attached = (nearest >= 0) & (2 * num_near > sizes)[near_ids]
     return near[is_attached], owners[nearest[is_attached]]
 
 

@@ -89,23 +89,23 @@ def voted_motions(
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
     """
     # In motions to the first target, so that the grid is fine enough over a longer time.
-    unit = np.float32(targets[0].intervals)
-    targets = [replace(target, intervals=target.intervals / float(unit)) for target in targets]
+    unit = np.float32(targets[0].time_ratio)
+    targets = [replace(target, time_ratio=target.time_ratio / float(unit)) for target in targets]
     base, reach_m = unit * base, max_change_m * abs(float(unit))
     margin_m = reach_m + float(np.abs(base).max(initial=0.0))
     grid = VotingGrid(
-        objects.positions, margin_m * max(1.0, *(abs(target.intervals) for target in targets))
+        objects.positions, margin_m * max(1.0, *(abs(target.time_ratio) for target in targets))
     )
     shifts = _shifts(round(reach_m / grid.cell_m))
     columns, levels = zip(
         *(
-            grid.cells_of(objects.positions + np.float32(target.intervals) * base[objects.owners])
+            grid.cells_of(objects.positions + np.float32(target.time_ratio) * base[objects.owners])
             for target in targets
         ),
         strict=True,
     )
     offsets = [
-        grid.offsets(np.rint(shifts * target.intervals).astype(np.int64)) for target in targets
+        grid.offsets(np.rint(shifts * target.time_ratio).astype(np.int64)) for target in targets
     ]
     chosen = _most_voted(
         np.stack(columns),

@@ -25,6 +25,8 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
 # Objects whose log-odds miss the limit by up to this are only followed.
 _TENTATIVE: Final = 2.0
+# Slower motions are within the noise of the ranges over a usual interval.
+_MIN_SPEED_M_S: Final = NOISE_M / USUAL_INTERVAL_S
 
 
 def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
@@ -40,15 +42,15 @@ def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
     features = evidence(fitted, static, free)
     log_odds = moving_log_odds(features)
     table = table.put(rows, free=free, evidence=features, log_odds=log_odds)
-    may_move, is_moving = moves(
+    is_followed, is_moving = moves(
         points.numbers, fitted.wholes, motions, log_odds, scene.usual_interval_s, scene.settings
     )
-    followed = points.select(np.flatnonzero(may_move))
-    followed_motions = fitted.moving.select(np.flatnonzero(may_move))
-    groups = mover_groups(followed, motions[may_move], *followed.all_points(current))
+    followed = points.select(np.flatnonzero(is_followed))
+    followed_motions = fitted.moving.select(np.flatnonzero(is_followed))
+    groups = mover_groups(followed, motions[is_followed], *followed.all_points(current))
     residual_rise = residual_rise_m(followed, followed_motions, targets)
-    table = table.put(rows[may_move], residual_rise=residual_rise, groups=groups)
-    is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
+    table = table.put(rows[is_followed], residual_rise=residual_rise, groups=groups)
+    is_moving[is_followed] = np.isin(groups, groups[is_moving[is_followed]])
     has_moving_part = np.isin(points.numbers, fitted.wholes[is_moving])
     verdicts = np.full(len(rows), Verdict.REFUSED, object)
     verdicts[has_moving_part], verdicts[is_moving] = Verdict.PARTLY, Verdict.DYNAMIC
@@ -84,7 +86,7 @@ def free_space(
         free += target.num_free(objects, np.zeros_like(motions))
         free -= target.num_free(objects, motions)
     for target in targets.past or targets.near:
-        places = points + np.take(target.shifts(objects, motions), owners, axis=0)
+        places = points + np.take(target.displacements(objects, motions), owners, axis=0)
         free += np.bincount(owners[target.rows_of_gone(places)], minlength=len(objects))
     return free
 
@@ -144,7 +146,7 @@ def moves(
     interval_s: float,
     settings: ObjectSettings,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns masks (K,) of the objects that may move and are followed, and of those that move.
+    """Returns masks (K,) of the objects that are followed, and of those that move.
 
     Only the likelier of a part and its whole may move: the whole is static, or the part moves with
     it.
@@ -159,15 +161,15 @@ def moves(
     """
     are_parts = wholes != numbers
     lengths = np.hypot(motions[:, 0], motions[:, 1])
-    is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
+    is_possible = lengths > _MIN_SPEED_M_S * interval_s
     is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
-    may_move = is_possible & (log_odds > limit - _TENTATIVE)
-    alone, best = are_parts & may_move, np.full(numbers.max(initial=0) + 1, -np.inf)
+    is_followed = is_possible & (log_odds > limit - _TENTATIVE)
+    alone, best = are_parts & is_followed, np.full(numbers.max(initial=0) + 1, -np.inf)
     np.maximum.at(best, wholes[alone], log_odds[alone])
-    may_move &= are_parts | (log_odds >= best[numbers])
-    may_move &= ~are_parts | ~np.isin(wholes, numbers[may_move])
-    return may_move, may_move & (log_odds > limit)
+    is_followed &= are_parts | (log_odds >= best[numbers])
+    is_followed &= ~are_parts | ~np.isin(wholes, numbers[is_followed])
+    return is_followed, is_followed & (log_odds > limit)
 
 
 def mover_groups(
@@ -186,9 +188,9 @@ def mover_groups(
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64)
-    are_touching = PointGrid(points).touching(movers.positions, movers.owners, owners)
-    np.fill_diagonal(are_touching, val=False)
-    first, second = np.nonzero(are_touching)
+    are_near = PointGrid(points).within_reach(movers.positions, movers.owners, owners)
+    np.fill_diagonal(are_near, val=False)
+    first, second = np.nonzero(are_near)
     is_one = are_same(motions[first], motions[second])
     ones = np.ones(np.count_nonzero(is_one), np.int8)
     graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)

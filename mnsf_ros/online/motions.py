@@ -147,21 +147,21 @@ def fit_motion_field(
         target: The sweep at t+1 for the forward field, at t-1 for the backward field.
         start: (K, 3) metres, motion to the next sweep to start from.
     """
-    intervals = target.intervals_of(objects, start)
+    ratios = target.time_ratios_of(objects, start)
     slopes = target.current.ground.slopes(objects.centers)
-    flows = intervals * start
+    flows = ratios * start
     for _ in range(NUM_ITERATIONS):
         flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
         flows += (_OVER_RELAXATION * target.pulls(objects, flows)).astype(np.float32)
     flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
-    return np.asarray(flows * (np.float32(target.intervals) / intervals), np.float32)
+    return np.asarray(flows * (np.float32(target.time_ratio) / ratios), np.float32)
 
 
 def judge(
     objects: ObjectPoints,
     targets: Targets,
     motions: NDArray[np.float32],
-    most_m: NDArray[np.float64] | float = np.inf,
+    max_total_m: NDArray[np.float64] | float = np.inf,
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
 
@@ -169,16 +169,17 @@ def judge(
         objects: K objects.
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
-        most_m: (K,) metres; totals above are infinite.
+        max_total_m: (K,) metres; totals above are infinite.
     """
     sweeps = (*targets.near, *targets.past)
     residuals = np.empty((len(objects), len(sweeps)))
-    left_m = np.broadcast_to(most_m, len(objects))
+    # Each residual takes its share of what the total may still reach: the next ones stop sooner.
+    budget_m = np.broadcast_to(max_total_m, len(objects))
     for column, target in enumerate(sweeps):
-        size = len(targets.near) if column < len(targets.near) else len(targets.past)
-        residuals[:, column] = target.residuals(objects, motions, size * left_m)
-        left_m = left_m - residuals[:, column] / size
-    residuals[left_m < 0] = np.inf
+        num_in_mean = len(targets.near) if column < len(targets.near) else len(targets.past)
+        residuals[:, column] = target.residuals(objects, motions, num_in_mean * budget_m)
+        budget_m = budget_m - residuals[:, column] / num_in_mean
+    residuals[budget_m < 0] = np.inf
     near, past = np.split(residuals, [len(targets.near)], axis=1)
     return JudgedMotions(motions, near, past)
 
@@ -204,10 +205,10 @@ def best_of(
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
     excess = np.exp(np.concatenate([prior.cost(each) for each in others]) / _PRIOR_SCALE)
-    most_m = np.tile(first.posterior_cost(prior), len(others)) / excess - 2 * NOISE_M
+    max_total_m = np.tile(first.posterior_cost(prior), len(others)) / excess - 2 * NOISE_M
     motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
     objects = objects.repeated(len(others)).select(new)
-    found = judge(objects, targets, motions[new], most_m=most_m[new])
+    found = judge(objects, targets, motions[new], max_total_m[new])
     near, past = (
         np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
     )

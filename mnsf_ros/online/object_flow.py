@@ -19,7 +19,7 @@ from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.output import flow_of, to_points
 from mnsf_ros.online.preparation import Preparation, PreparedSweeps, Scene
 from mnsf_ros.online.reasons import Reasons
-from mnsf_ros.online.splitting import rejoined
+from mnsf_ros.online.splitting import rejoined, split
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.tracker import Measurements, Tracker, track_prior
@@ -90,7 +90,7 @@ class ObjectFlowEstimator:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
             cancelled: Asked between the steps; True ends the estimate with CancelledError.
             prepared: Result of `prepare` for the triplet; None: `prepare` is called first.
-            effort: Less leaves out older sweeps and suspects.
+            effort: Less leaves out older sweeps, thus also splitting, and suspects.
 
         Raises:
             SweepError: As of `prepare`.
@@ -102,6 +102,7 @@ class ObjectFlowEstimator:
         with clock.stage("prepare"):
             prepared = prepared or self.prepare(triplet)
             scene = Scene.of(triplet, prepared, self.settings.objects, effort)
+            scene = scene.with_current(split(scene.current, scene.targets.past))
         stamp_ns, interval_s = triplet.current.stamp_ns, scene.interval_s
         world_from_sensor = scene.current.pose.world_from_sensor
         with clock.stage("suspects"):
@@ -157,7 +158,7 @@ class ObjectFlowEstimator:
         if targets.previous is not None:
             with clock.stage("backward"):
                 backward = fit_motion_field(objects, targets.previous, start)
-                inverted = backward / np.float32(targets.previous.intervals)
+                inverted = backward / np.float32(targets.previous.time_ratio)
         with clock.stage("fusion"):
             others = prior.candidates(start)
             moving = fuse_motions(objects, targets, forward, inverted, others, prior)

@@ -70,7 +70,7 @@ class ObjectPoints(Rows):
         """Chooses points of each object that is neither too small nor too large to move."""
         points, objects = sweep.members
         numbers, chosen, owners = _chosen(
-            points, objects, sweep.may_move, settings.min_points, settings.points_per_object
+            points, objects, sweep.is_short_enough, settings.min_points, settings.points_per_object
         )
         return cls(numbers, chosen, owners, spacing_of(chosen))
 
@@ -207,23 +207,23 @@ def spacing_of(points: NDArray[np.float32]) -> NDArray[np.float32]:
 def _chosen(
     points: NDArray[np.float32],
     objects: NDArray[np.int64],
-    may_move: NDArray[np.bool_],
+    is_short_enough: NDArray[np.bool_],
     min_points: int,
     max_points: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
-    """Chooses points (T, 3) of objects (T,) that may move and have enough points.
+    """Chooses points (T, 3) of objects (T,) that are short enough and have enough points.
 
     Returns:
         (K,) the objects, (P, 3) their points, at most so many of each, and (P,) from 0 to K - 1.
     """
-    num_objects = len(may_move)
+    num_objects = len(is_short_enough)
     counts = np.zeros(num_objects, np.int64)
     for row in range(len(points)):
         counts[objects[row]] += 1
     owner_of, first_of = np.full(num_objects, -1, np.int64), np.zeros(num_objects, np.int64)
     num_owners, num_chosen = 0, 0
     for number in range(1, num_objects):
-        if counts[number] >= min_points and may_move[number]:
+        if counts[number] >= min_points and is_short_enough[number]:
             owner_of[number], first_of[number] = num_owners, num_chosen
             num_owners += 1
             num_chosen += min(counts[number], max_points)

@@ -22,14 +22,14 @@ from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_clock import SweepClock
 
 # A place with a surface so near is not new, and new points so near each other are of one part.
-TOUCH_M: Final = 0.25
+SAME_PLACE_M: Final = 0.25
 
 
 class ObjectSweep:
     """Built once for each sweep, used as next, current, previous and one of the past.
 
     Attributes:
-        sweep: The input sweep.
+        input: The input sweep.
         pose: Pose of the sensor.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points with a height that are not ground.
@@ -57,7 +57,7 @@ class ObjectSweep:
         Raises:
             SweepError: If too few points are left.
         """
-        self.sweep = sweep
+        self.input = sweep
         self.pose = pose
         self.xyz = pose.in_one_moment(sweep)
         self.ground, self.heights = ground_under(self.xyz, settings)
@@ -95,6 +95,11 @@ class ObjectSweep:
         return RangeView(self.xyz)
 
     @property
+    def stamp_ns(self) -> int:
+        """Time of the sweep."""
+        return self.input.stamp_ns
+
+    @property
     def num_objects(self) -> int:
         """Number of objects; number 0 is none."""
         return len(self.wholes)
@@ -122,8 +127,8 @@ class ObjectSweep:
         return sizes_of(*self.members, self.num_objects)
 
     @cached_property
-    def may_move(self) -> NDArray[np.bool_]:
-        """(all objects,) those that are not too long to move."""
+    def is_short_enough(self) -> NDArray[np.bool_]:
+        """(all objects,) those that are not too long to move, see `objects.max_size_m`."""
         return np.asarray(self.sizes < self._max_size_m)
 
     def relabelled(
@@ -138,21 +143,21 @@ class ObjectSweep:
             wholes: Of the new objects.
         """
         other = copy(self)
-        for derived in ("members", "may_move"):
+        for derived in ("members", "is_short_enough"):
             other.__dict__.pop(derived, None)
         other.wholes = wholes
         other.thinned_objects = relabel(self.thinned, self.thinned_objects)
         other._point_objects = relabel(self._points, self._point_objects)
         return other
 
-    def objects(self) -> NDArray[np.int64]:
+    def object_ids(self) -> NDArray[np.int64]:
         """(N,) the object of each point of the sweep.
 
         It is 0 for ground, cropped points, and points that were seen a second time.
         """
-        objects = np.zeros(len(self.sweep), dtype=np.int64)
-        objects[self._in_objects] = self._point_objects
-        return objects
+        object_ids = np.zeros(len(self.xyz), dtype=np.int64)
+        object_ids[self._in_objects] = self._point_objects
+        return object_ids
 
 
 def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:

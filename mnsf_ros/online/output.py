@@ -29,23 +29,24 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
         tracks: All tracks.
     """
     current, next_ = scene.current, scene.targets.next
-    objects, movers = current.objects(), table.movers
-    rows = rows_of_movers(scene, table, objects)
+    object_ids, movers = current.object_ids(), table.movers
+    rows = rows_of_movers(scene, table, object_ids)
     is_dynamic = rows >= 0
-    moving = np.flatnonzero(is_dynamic)
-    rows = rows[moving]
-    motion = np.zeros((len(objects), 3), np.float32)
-    offsets = np.take(current.xyz, moving, axis=0) - movers.points.centers[rows]
-    motion[moving] = headed(encoded(offsets), rows, movers.heads)
-    track_ids = np.zeros(len(objects), np.int32)
-    track_ids[moving] = movers.track_ids[rows]
-    confidence = _static_confidence(current, objects, table.doubtful)
+    dynamic_rows = np.flatnonzero(is_dynamic)
+    rows = rows[dynamic_rows]
+    motion = np.zeros((len(object_ids), 3), np.float32)
+    offsets = np.take(current.xyz, dynamic_rows, axis=0) - movers.points.centers[rows]
+    motion[dynamic_rows] = headed(encoded(offsets), rows, movers.heads)
+    track_ids = np.zeros(len(object_ids), np.int32)
+    track_ids[dynamic_rows] = movers.track_ids[rows]
+    confidence = _static_confidence(current, object_ids, table.doubtful)
     of_movers = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)
-    confidence[moving] = of_movers[rows]
+    confidence[dynamic_rows] = of_movers[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.
         confidence[:] = 0
+    # The poses of sweeps are those of a moment within them; messages refer to the stamp.
     return OverGround(
         motion=motion,
         dynamic=is_dynamic,
@@ -65,28 +66,28 @@ def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32
 
     The own body stays where it is in the frame of the sensor.
     """
-    sweep, pose = current.sweep, current.pose
-    xyz, motion = sweep.xyz, over_ground.next_from_current
+    sweep, during_sweep = current.input, current.pose.motion
+    next_from_current = over_ground.next_from_current
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-    flow = transformed(xyz, motion - np.diag((1.0, 1.0, 1.0, 0.0)))
-    moving = np.flatnonzero(over_ground.dynamic)
-    over_ground_motion = over_ground.motion[moving]
-    if pose.motion is not None and sweep.times_s is not None:
-        over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
-    flow[moving] += turned(over_ground_motion, motion[:3, :3])
+    flow = transformed(sweep.xyz, next_from_current - np.diag((1.0, 1.0, 1.0, 0.0)))
+    dynamic_rows = np.flatnonzero(over_ground.dynamic)
+    object_motion = over_ground.motion[dynamic_rows]
+    if during_sweep is not None and sweep.times_s is not None:
+        object_motion = during_sweep.turned_back(object_motion, sweep.times_s[dynamic_rows])
+    flow[dynamic_rows] += turned(object_motion, next_from_current[:3, :3])
     flow[current.own] = 0.0
     return flow
 
 
 def _static_confidence(
-    current: ObjectSweep, objects: NDArray[np.int64], doubtful: ObjectTable
+    current: ObjectSweep, object_ids: NDArray[np.int64], doubtful: ObjectTable
 ) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
     confidence = static_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
     doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.static)
-    in_doubt = np.flatnonzero(~np.isnan(doubts)[objects])
-    confidence[in_doubt] = doubts[objects[in_doubt]]
+    in_doubt = np.flatnonzero(~np.isnan(doubts)[object_ids])
+    confidence[in_doubt] = doubts[object_ids[in_doubt]]
     return confidence
 
 
@@ -101,25 +102,25 @@ def tracked_objects(
         point_ids: (N,) the number of the track that each of its points belongs to, 0 for none.
     """
     turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
-    motion = current.pose.motion
+    during_sweep = current.pose.motion
     stamp_from_moment = np.eye(4)
-    if motion is not None:
-        stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
-    moving = np.flatnonzero(point_ids > 0)
-    moving = moving[np.argsort(point_ids[moving], kind="stable")]
-    ids = point_ids[moving]
+    if during_sweep is not None:
+        stamp_from_moment = np.asarray(np.linalg.inv(during_sweep.moment_from_stamp), np.float64)
+    tracked = np.flatnonzero(point_ids > 0)
+    tracked = tracked[np.argsort(point_ids[tracked], kind="stable")]
+    ids = point_ids[tracked]
     found = []
     for track in tracks:
-        seen = moving[slice(*np.searchsorted(ids, (track.track_id, track.track_id + 1)))]
+        seen = tracked[slice(*np.searchsorted(ids, (track.track_id, track.track_id + 1)))]
         points = np.take(current.xyz, seen, axis=0)
         if len(seen) == 0:
             points = turned(track.points - place, turn.T).astype(np.float32)
         if len(seen) or _is_hidden(track, points, current):
-            found.append(_told(track, points, current, seen, stamp_from_moment))
+            found.append(_tracked_object(track, points, current, seen, stamp_from_moment))
     return tuple(found)
 
 
-def _told(
+def _tracked_object(
     track: Track,
     points: NDArray[np.float32],
     current: ObjectSweep,
@@ -137,10 +138,10 @@ def _told(
     """
     velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
     box = _box(points, velocity)
-    center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
-    if motion is not None and times_s is not None:
+    center, during_sweep, times_s = box[:3], current.pose.motion, current.input.times_s
+    if during_sweep is not None and times_s is not None:
         # The points of a mover hold for the time at which they were measured.
-        center = center - velocity * (times_s[seen].mean() if len(seen) else motion.moment_s)
+        center = center - velocity * (times_s[seen].mean() if len(seen) else during_sweep.moment_s)
     turn = stamp_from_moment[:3, :3]
     x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
     return TrackedObject(
@@ -174,12 +175,12 @@ def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[
     for row in range(len(points)):
         for axis in range(3):
             middle[axis] += points[row, axis] / len(points)
-    across, along = 0.0, 0.0
+    twice_xy, xx_minus_yy = 0.0, 0.0
     for row in range(len(points)):
         x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
-        across += 2 * x * y
-        along += x * x - y * y
-    goes, longest = np.arctan2(velocity[1], velocity[0]), np.arctan2(across, along) / 2
+        twice_xy += 2 * x * y
+        xx_minus_yy += x * x - y * y
+    goes, longest = np.arctan2(velocity[1], velocity[0]), np.arctan2(twice_xy, xx_minus_yy) / 2
     if np.cos(longest - goes) < 0:
         longest += np.pi
     box = np.full(7, np.inf)

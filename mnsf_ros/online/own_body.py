@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed
-from mnsf_ros.online.object_sweep import TOUCH_M, ObjectSweep
+from mnsf_ros.online.object_sweep import SAME_PLACE_M, ObjectSweep
 from mnsf_ros.settings import CropSettings
 from mnsf_ros.sweeps.kept_points import in_boxes
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
@@ -21,9 +21,10 @@ _CELL_M: Final = 0.05
 _NUM_CELLS: Final = round(2 * _REACH_M / _CELL_M)
 # Sweeps count if this time has passed, and if the sensor has moved by more than a cell.
 _EVERY_S: Final = 0.08
-# The share of sweeps in which a cell is occupied is a running mean over up to this many; it counts
-# from the lower number on, after about a second. Within that the distance to a companion changes.
-_NUM_SWEEPS: Final = (10, 20)
+# The share of sweeps in which a cell is occupied is a running mean over up to so many.
+_MEAN_OVER: Final = 20
+# It counts after so many, about a second. Within that the distance to a companion changes.
+_MIN_SWEEPS: Final = 10
 _LEAST_SHARE: Final = 0.8
 
 
@@ -38,11 +39,11 @@ class OwnBody:
 
     def mask(self, sweep: Sweep) -> NDArray[np.bool_]:
         """Returns (N,) the points of a sweep that are on the own body, as far as it is known."""
-        if self._num_sweeps < _NUM_SWEEPS[0]:
+        if not self._is_learning or self._num_sweeps < _MIN_SWEEPS:
             return in_boxes(sweep.xyz, self._boxes)
         return _shares_at(sweep.xyz, self._shares) > _LEAST_SHARE
 
-    def learn(self, sweep: ObjectSweep, before: ObjectSweep) -> None:
+    def learn(self, sweep: ObjectSweep, earliest: ObjectSweep) -> None:
         """Counts the cells that a sweep occupies, if the sensor moved.
 
         Points with others at the same place of the world in an earlier sweep do not count: the
@@ -50,28 +51,28 @@ class OwnBody:
 
         Args:
             sweep: The newest sweep.
-            before: The earliest sweep that is still known.
+            earliest: The earliest sweep that is still known.
         """
-        last = self._last or before
-        elapsed_s = (sweep.sweep.stamp_ns - last.sweep.stamp_ns) / NANOSECONDS
+        last = self._last or earliest
+        elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
         has_moved = (
             self._is_learning
             and _travel_m(sweep, last) > _CELL_M
-            and _travel_m(sweep, before) > TOUCH_M
+            and _travel_m(sweep, earliest) > SAME_PLACE_M
         )
         if elapsed_s < _EVERY_S or not has_moved:
             return
         self._last = sweep
-        rows = np.flatnonzero(_are_near(sweep.sweep.xyz) & (sweep.kept | sweep.own))
-        before_from_world = np.linalg.inv(before.pose.world_from_sensor)
-        places = transformed(sweep.xyz[rows], before_from_world @ sweep.pose.world_from_sensor)
-        rows = rows[before.grid.nearest(places, TOUCH_M) < 0]
-        self._num_sweeps = min(self._num_sweeps + 1, _NUM_SWEEPS[1])
-        _average(self._shares, sweep.sweep.xyz[rows], self._num_sweeps)
+        rows = np.flatnonzero(_are_near(sweep.input.xyz) & (sweep.kept | sweep.own))
+        earliest_from_world = np.linalg.inv(earliest.pose.world_from_sensor)
+        places = transformed(sweep.xyz[rows], earliest_from_world @ sweep.pose.world_from_sensor)
+        rows = rows[earliest.grid.nearest(places, SAME_PLACE_M) < 0]
+        self._num_sweeps = min(self._num_sweeps + 1, _MEAN_OVER)
+        _average(self._shares, sweep.input.xyz[rows], self._num_sweeps)
 
 
-def _travel_m(sweep: ObjectSweep, before: ObjectSweep) -> float:
-    moved = sweep.pose.world_from_sensor[:3, 3] - before.pose.world_from_sensor[:3, 3]
+def _travel_m(sweep: ObjectSweep, other: ObjectSweep) -> float:
+    moved = sweep.pose.world_from_sensor[:3, 3] - other.pose.world_from_sensor[:3, 3]
     return float(np.sqrt((moved**2).sum()))
 
 

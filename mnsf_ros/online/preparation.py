@@ -10,7 +10,6 @@ from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import MAX_SWEEPS, EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.own_body import OwnBody
-from mnsf_ros.online.splitting import split
 from mnsf_ros.online.target import Target, Targets
 from mnsf_ros.settings import ObjectSettings, Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
@@ -18,6 +17,10 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTri
 # Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
 # much; within the second a slow pedestrian moves by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
+# Half of the time between them: no sweep is the nearest to both.
+_MAX_OFF_S: Final = 0.15
+# Younger sweeps are neighbours of the current one, not older sweeps.
+_MIN_INTERVALS: Final = 1.5
 # Effort to what `objects.max_suspects` is divided by.
 _DIVISORS: Final = {Effort.HALF: 2, Effort.LEAST: 4}
 
@@ -27,12 +30,12 @@ class PreparedSweeps:
     """The sweeps of one triplet and those before it, all in one world. Never changed.
 
     Attributes:
-        last: Oldest first; the last one is the triplet's next sweep.
+        known: Oldest first; the last one is the triplet's next sweep.
         of_triplet: The previous sweep, if there is one, the current and the next one.
         time_ms: Run time of the preparation of sweeps that were not ready yet.
     """
 
-    last: tuple[ObjectSweep, ...]
+    known: tuple[ObjectSweep, ...]
     of_triplet: tuple[ObjectSweep, ...]
     time_ms: float
 
@@ -42,11 +45,11 @@ class PreparedSweeps:
         Args:
             interval_ratio: Of the triplet.
         """
-        *before, current, next_ = self.of_triplet
+        *previous, current, next_ = self.of_triplet
         near = [Target.of(next_, current, 1.0)]
         if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
             # Otherwise the current sweep cannot be related to the previous one.
-            near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in before]
+            near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in previous]
         return near
 
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
@@ -58,21 +61,19 @@ class PreparedSweeps:
         """
         if interval_s <= 0:
             return []
-        ages: dict[ObjectSweep, float] = {}
-        until_now = [one for one in self.last if one.sweep.stamp_ns <= current.sweep.stamp_ns]
-        for sweep in _related(until_now):
-            age = (current.sweep.stamp_ns - sweep.sweep.stamp_ns) / NANOSECONDS
-            if age > 0:
-                ages[sweep] = age
-        found: list[ObjectSweep] = []
+        by_age: dict[float, ObjectSweep] = {}
+        for sweep in _related(one for one in self.known if one.stamp_ns <= current.stamp_ns):
+            age_s = (current.stamp_ns - sweep.stamp_ns) / NANOSECONDS
+            if age_s > _MIN_INTERVALS * interval_s:
+                by_age[age_s] = sweep
+        found = []
         for past_s in _PAST_S:
-            near = {
-                abs(age - past_s): sweep
-                for sweep, age in ages.items()
-                if abs(age - past_s) < _PAST_S[0] / 2 and age > 1.5 * interval_s
-            }
-            found += [near[min(near)]] if near else []
-        return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]
+            near = [age_s for age_s in by_age if abs(age_s - past_s) < _MAX_OFF_S]
+            if near:
+                # Of two that are equally near, the older one.
+                age_s = min(near, key=lambda age_s: (abs(age_s - past_s), -age_s))
+                found.append(Target.of(by_age[age_s], current, -age_s / interval_s))
+        return found
 
 
 class Preparation:
@@ -152,11 +153,17 @@ class Scene:
         near = prepared.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)
         past = prepared.past(current, interval_s) if effort is Effort.FULL else []
-        current = split(current, past)
-        near, past = ([replace(one, current=current) for one in each] for each in (near, past))
         max_suspects = max(1, settings.max_suspects // _DIVISORS.get(effort, 1))
         limited = replace(settings, max_suspects=max_suspects)
         return cls(current, Targets(near, past), interval_s, limited)
+
+    def with_current(self, current: ObjectSweep) -> "Scene":
+        """Returns the scene with the points of the current sweep in other objects."""
+        near, past = (
+            [replace(target, current=current) for target in each]
+            for each in (self.targets.near, self.targets.past)
+        )
+        return replace(self, current=current, targets=Targets(near, past))
 
     @property
     def usual_interval_s(self) -> float:

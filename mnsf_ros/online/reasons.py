@@ -45,7 +45,7 @@ class Reasons:
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
             return Reason(Verdict.OWN_BODY)
-        objects = current.objects()[rows]
+        objects = current.object_ids()[rows]
         number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:
             return Reason(self._without_object(rows))
@@ -95,8 +95,8 @@ class Reasons:
         """The verdict on an object that is not in the table."""
         if num_points < self.scene.settings.min_points:
             return Verdict.TOO_FEW_POINTS
-        may_move = self.scene.current.may_move[number]
-        return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE
+        is_short_enough = self.scene.current.is_short_enough[number]
+        return Verdict.NOT_SUSPECTED if is_short_enough else Verdict.TOO_LARGE
 
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
@@ -117,7 +117,7 @@ class Reasons:
 
 
 def _age_s(target: Target) -> float:
-    return (target.sweep.sweep.stamp_ns - target.current.sweep.stamp_ns) / NANOSECONDS
+    return (target.sweep.stamp_ns - target.current.stamp_ns) / NANOSECONDS
 
 
 def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]:
@@ -134,7 +134,7 @@ def _match(
     motion: NDArray[np.float32],
 ) -> Match:
     """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
-    positions = objects.positions + target.shifts(objects, motion[None])
+    positions = objects.positions + target.displacements(objects, motion[None])
     places = transformed(positions, target.from_current)
     nearest = target.sweep.grid.nearest(places)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)

@@ -2,12 +2,13 @@
 """Splitting: new points of an object become a part that may move alone."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.segmentation import Segmentation
-from mnsf_ros.online.object_sweep import TOUCH_M, ObjectSweep
+from mnsf_ros.online.object_sweep import SAME_PLACE_M, ObjectSweep
 from mnsf_ros.online.target import Target
 
 
@@ -40,7 +41,7 @@ def rejoined(current: ObjectSweep, movers: NDArray[np.int64]) -> ObjectSweep:
     wholes = current.wholes
     still_split = np.setdiff1d(wholes[movers], movers)
     after = np.where(np.isin(wholes, still_split), np.arange(current.num_objects), wholes)
-    return current.relabelled(lambda _, objects: after[objects], wholes)
+    return current.relabelled(lambda _, object_ids: after[object_ids], wholes)
 
 
 def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
@@ -55,24 +56,27 @@ def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
         return current
     num_objects = current.num_objects
     chosen = np.take(current.thinned, new, axis=0)
-    parts = Segmentation(chosen, TOUCH_M)
+    parts = Segmentation(chosen, SAME_PLACE_M)
     is_split = np.zeros(num_objects, np.bool_)
     is_split[current.thinned_objects[new]] = True
 
-    def keys_of(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-        return parts.objects_of(points) * num_objects + objects
+    def keys_of(points: NDArray[np.float32], object_ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        return parts.objects_of(points) * num_objects + object_ids
 
-    keys = np.unique(keys_of(chosen, current.thinned_objects[new]))
-
-    def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-        own = np.flatnonzero(is_split[objects])
-        wanted, changed = keys_of(np.take(points, own, axis=0), objects[own]), objects.copy()
+    def apart(
+        points: NDArray[np.float32], object_ids: NDArray[np.int64], keys: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        own = np.flatnonzero(is_split[object_ids])
+        wanted, changed = keys_of(np.take(points, own, axis=0), object_ids[own]), object_ids.copy()
         places = np.searchsorted(keys, wanted)
         is_part = np.append(keys, -1)[places] == wanted
         changed[own[is_part]] = places[is_part] + num_objects
         return changed
 
-    objects = apart(current.thinned, current.thinned_objects)
-    counts = np.bincount(objects, minlength=num_objects + len(keys))[num_objects:]
-    keys = keys[2 * counts <= current.counts[keys % num_objects]]
-    return current.relabelled(apart, np.append(current.wholes, keys % num_objects))
+    keys = np.unique(keys_of(chosen, current.thinned_objects[new]))
+    object_ids = apart(current.thinned, current.thinned_objects, keys)
+    counts = np.bincount(object_ids, minlength=num_objects + len(keys))[num_objects:]
+    kept_keys = keys[2 * counts <= current.counts[keys % num_objects]]
+    return current.relabelled(
+        partial(apart, keys=kept_keys), np.append(current.wholes, kept_keys % num_objects)
+    )

@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Suspects: objects that other sweeps do not support as static."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,9 @@ from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_points import NOISE_M
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Targets
+
+# Mean distance of a static object beyond the spacing of its points: twice the noise of the ranges.
+_MAX_STATIC_M: Final = 2 * NOISE_M
 
 
 def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> ObjectTable:
@@ -29,8 +34,8 @@ def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> Ob
     table = table.put(rows, static=judge(points.thinner(), targets, no_motion))
     if len(rows) <= max_suspects:
         return table
-    ranges = (points.centers**2).sum(axis=1)
-    order = np.lexsort((ranges, table.prior.log_odds[rows] <= 0))
+    squared_ranges = (points.centers**2).sum(axis=1)
+    order = np.lexsort((squared_ranges, table.prior.log_odds[rows] <= 0))
     return table.rejected(rows[order[max_suspects:]], Verdict.LEFT_OUT)
 
 
@@ -42,12 +47,12 @@ def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
     too: of a long side that slides along itself only the ends change.
     """
     some, others = table.points.thinner(), targets.past or targets.near
-    is_suspect, has_track = np.ones(len(table), dtype=bool), table.prior.has_track
+    has_track = table.prior.has_track
+    is_unsupported = ~has_track
     # The oldest first: it decides most objects, and few remain for the other sweeps.
     for target in reversed(others):
-        rows = np.flatnonzero(is_suspect & ~has_track)
+        rows = np.flatnonzero(is_unsupported)
         residuals = target.residuals(some.select(rows), np.zeros((len(rows), 3), np.float32))
-        # An object with a residual within the noise is not a suspect.
-        is_suspect[rows] = residuals > 2 * NOISE_M
+        is_unsupported[rows] = residuals > _MAX_STATIC_M
     near_gone = np.concatenate([target.objects_near_gone for target in others])
-    return np.asarray(is_suspect | np.isin(table.points.numbers, near_gone))
+    return np.asarray(is_unsupported | has_track | np.isin(table.points.numbers, near_gone))

@@ -13,7 +13,7 @@ from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.object_sweep import TOUCH_M, ObjectSweep
+from mnsf_ros.online.object_sweep import SAME_PLACE_M, ObjectSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Limit of the residual of a point that would be hidden or out of view; else it is the reach.
@@ -32,32 +32,36 @@ class Target:
     Attributes:
         sweep: The sweep.
         from_current: (4, 4), target_from_current of static points.
-        intervals: Time to this sweep, in intervals to the next sweep: 1 for the next sweep, -1 for
+        time_ratio: Time to this sweep, in intervals to the next sweep: 1 for the next sweep, -1 for
             the previous one if both are equally far.
         current: The current sweep.
     """
 
     sweep: ObjectSweep
     from_current: NDArray[np.float64]
-    intervals: float
+    time_ratio: float
     current: ObjectSweep
 
     @classmethod
-    def of(cls, sweep: ObjectSweep, current: ObjectSweep, intervals: float) -> "Target":
+    def of(cls, sweep: ObjectSweep, current: ObjectSweep, time_ratio: float) -> "Target":
         """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
-        return cls(sweep, from_current, intervals, current)
+        return cls(sweep, from_current, time_ratio, current)
 
     @cached_property
     def to_current(self) -> NDArray[np.float64]:
         """(4, 4) current_from_target of static points."""
         return np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
 
-    def intervals_of(
+    def reversed(self) -> "Target":
+        """Returns the current sweep as a target for this sweep."""
+        return Target(self.current, self.to_current, -self.time_ratio, self.sweep)
+
+    def time_ratios_of(
         self, objects: ObjectPoints, motions: NDArray[np.float32]
     ) -> NDArray[np.float32]:
-        """Returns `intervals` as (1, 1), or as (K, 1) by the times at which objects were measured.
+        """Returns `time_ratio` as (1, 1), or as (K, 1) by the times at which objects were measured.
 
         A turning lidar meets an object that changes its azimuth sooner or later than after the
         interval of the sweeps, by up to a revolution where a sweep begins.
@@ -66,26 +70,28 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        intervals = np.full((1, 1), self.intervals, np.float32)
+        ratios = np.full((1, 1), self.time_ratio, np.float32)
         here, there = self.current.clock, self.sweep.clock
-        between_s = (self.sweep.sweep.stamp_ns - self.current.sweep.stamp_ns) / NANOSECONDS
+        between_s = (self.sweep.stamp_ns - self.current.stamp_ns) / NANOSECONDS
         if here is None or there is None or between_s == 0 or len(objects) == 0:
-            return intervals
-        moved = transformed(objects.centers + intervals * motions, self.from_current)
+            return ratios
+        moved = transformed(objects.centers + ratios * motions, self.from_current)
         late_s = there.times_of(moved) - here.times_of(objects.centers)
         shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_INTERVAL)
-        return (shares[:, None] * self.intervals).astype(np.float32)
+        return (shares[:, None] * self.time_ratio).astype(np.float32)
 
-    def pulls(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float64]:
+    def pulls(
+        self, objects: ObjectPoints, displacements: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
         """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
 
         Args:
             objects: K objects.
-            flows: (K, 3) metres, their motions until the target.
+            displacements: (K, 3) metres, their motions until the time of the target.
         """
         exactly = np.zeros_like(objects.spacing)
         _, vectors, counts = self.sweep.grid.compared(
-            objects.positions, objects.owners, flows, self.from_current, exactly
+            objects.positions, objects.owners, displacements, self.from_current, exactly
         )
         means = vectors / np.maximum(counts, 1)[:, None]
         return turned(means, self.from_current[:3, :3].T)
@@ -95,15 +101,15 @@ class Target:
         places = transformed(points, self.from_current)
         is_new = self.sweep.view.are_free(places)
         free = chosen_points(places, is_new)
-        is_new[is_new] = self.sweep.grid.nearest(free, TOUCH_M) < 0
+        is_new[is_new] = self.sweep.grid.nearest(free, SAME_PLACE_M) < 0
         return is_new
 
     @cached_property
     def gone(self) -> NDArray[np.float32]:
         """(G, 3) metres, current frame, points of possible movers whose places are free by now."""
-        may_move = self.sweep.may_move[self.sweep.thinned_objects]
-        points = chosen_points(self.sweep.thinned, may_move)
-        is_gone = Target(self.current, self.to_current, 1.0, self.sweep).are_new(points)
+        is_short_enough = self.sweep.is_short_enough[self.sweep.thinned_objects]
+        points = chosen_points(self.sweep.thinned, is_short_enough)
+        is_gone = self.reversed().are_new(points)
         return transformed(chosen_points(points, is_gone), self.to_current)
 
     @property
@@ -120,7 +126,7 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        moved = objects.positions + self.shifts(objects, motions)[objects.owners]
+        moved = objects.positions + self.displacements(objects, motions)[objects.owners]
         free = self.sweep.view.are_free(transformed(moved, self.from_current))
         return np.asarray(objects.sums(free.astype(np.int64)), np.int64)
 
@@ -130,7 +136,7 @@ class Target:
         Args:
             places: (P, 3) metres, current frame.
         """
-        nearest = PointGrid(places).nearest(self.gone, TOUCH_M)
+        nearest = PointGrid(places).nearest(self.gone, SAME_PLACE_M)
         return nearest[nearest >= 0]
 
     def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -141,52 +147,56 @@ class Target:
         view = self.sweep.view
         return view.are_hidden(places) | view.are_beside(places, self.current.view)
 
-    def limits_m(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (P,) metres, the largest residuals of points with flows to this sweep.
+    def limits_m(
+        self, objects: ObjectPoints, displacements: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Returns (P,) metres, the largest residuals of points that are moved to this sweep.
 
         Args:
             objects: Of P points.
-            flows: (P, 3) metres, how far they are moved.
+            displacements: (P, 3) metres, how far they are moved.
         """
-        places = transformed(objects.positions + flows, self.from_current)
+        places = transformed(objects.positions + displacements, self.from_current)
         return self.sweep.view.limits_m(places, self.current.view, REACH_M, _HIDDEN_M)
 
     def residuals(
         self,
         objects: ObjectPoints,
         motions: NDArray[np.float32],
-        most_m: NDArray[np.float64] | None = None,
+        max_mean_m: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Returns the residuals of moved objects: mean distance to the target beyond the spacing.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
-            most_m: (K,) metres; residuals above need not be exact.
+            max_mean_m: (K,) metres; residuals above need not be exact.
 
         Returns:
             (K,) metres, mean over each object's points, truncated by `limits_m`.
         """
-        shifts = self.shifts(objects, motions)
+        displacements = self.displacements(objects, motions)
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
-            shifts,
+            displacements,
             self.from_current,
             objects.spacing,
-            self.limits_m(objects, shifts[objects.owners]),
-            None if most_m is None else most_m * objects.counts,
+            self.limits_m(objects, displacements[objects.owners]),
+            None if max_mean_m is None else max_mean_m * objects.counts,
         )
         return np.asarray(sums / objects.counts, np.float64)
 
-    def shifts(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+    def displacements(
+        self, objects: ObjectPoints, motions: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
         """Returns (K, 3) metres, the motions of objects until the time of the target.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        return self.intervals_of(objects, motions) * motions if motions.any() else motions
+        return self.time_ratios_of(objects, motions) * motions if motions.any() else motions
 
 
 @dataclass(frozen=True)

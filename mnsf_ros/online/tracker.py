@@ -27,6 +27,8 @@ _MAX_UNSEEN_S: Final = np.sqrt(2 * REACH_M / _ACCELERATION_M_S2)
 _MIN_SHARE: Final = 0.2
 # Standard deviation of a motion that the points constrain.
 _MOTION_M: Final = 0.03
+# If shifted motions raise the residual by this, twice the noise, the points constrain the motion.
+_CLEAR_RISE_M: Final = 2 * NOISE_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class Measurements:
         place_errors = spread.max(axis=1, initial=0.0)
         # If shifted motions hardly raise the residual, the velocity is uncertain.
         rises = np.bincount(groups, counts * followed.residual_rise, num_groups) / weights[:, 0]
-        velocity_errors = _MOTION_M / interval_s / np.clip(rises / (2 * NOISE_M), 1e-3, 1.0)
+        velocity_errors = _MOTION_M / interval_s / np.clip(rises / _CLEAR_RISE_M, 1e-3, 1.0)
         turn_rates, log_odds = np.zeros(num_groups), np.full(num_groups, -np.inf)
         turn_rates[groups] = turns_of(followed.heads) / interval_s
         np.maximum.at(log_odds, groups, followed.log_odds)

@@ -61,14 +61,14 @@ class EncodedPoints:
             targets: The sweeps that heads are fitted to.
         """
         self._objects = objects
-        self._intervals = {target: target.intervals_of(objects, motions) for target in targets}
+        self._time_ratios = {target: target.time_ratios_of(objects, motions) for target in targets}
         self._encoding = encoded(objects.positions - objects.centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
         """Returns (K,) metres, the residual of each object on a target, moved by its head."""
         objects = self._objects
-        moved = self._flow(self._intervals[target][:, :, None] * heads)
+        moved = self._flow(self._time_ratios[target][:, :, None] * heads)
         points, each, transform = objects.positions, self._each, target.from_current
         distances, _, _ = target.sweep.grid.compared(
             points, each, moved, transform, objects.spacing, target.limits_m(objects, moved)
@@ -85,8 +85,8 @@ class EncodedPoints:
             start: The heads to start from.
         """
         objects = self._objects
-        intervals = self._intervals[target][:, :, None]
-        start = intervals * start
+        time_ratios = self._time_ratios[target][:, :, None]
+        start = time_ratios * start
         begin = flow = self._flow(start)
         points, each, transform = objects.positions, self._each, target.from_current
         places = transformed(points + begin, transform)
@@ -104,7 +104,7 @@ class EncodedPoints:
             )
             heads = start + np.linalg.solve(left + _PRIOR, right)
             flow = self._flow(heads)
-        return np.asarray(heads / intervals, np.float64)
+        return np.asarray(heads / time_ratios, np.float64)
 
     def _flow(self, heads: Heads) -> NDArray[np.float32]:
         """Returns (P, 3) metres, the flow of the points."""

@@ -43,9 +43,9 @@ def objects_of(sweep, **changes):
     return ObjectPoints.of(sweep, settings.objects)
 
 
-def target(of, current, intervals=1.0):
+def target(of, current, time_ratio=1.0):
     """Another prepared sweep as a target for the current one."""
-    return Target.of(of, current, intervals)
+    return Target.of(of, current, time_ratio)
 
 
 def rows(*values):

@@ -17,7 +17,7 @@ FRAGMENT = surface((10.35, 0.0, 0.0), size=(0.08, 0.2, 0.4), num_points=60)
 def rows_of(*parts, is_loose=True, settings=SETTINGS):
     """(N,) what `attached` says if the first object moves and the others are loose."""
     current = prepared(*parts, settings=settings)
-    objects, owners = objects_of(current), current.objects()
+    objects, owners = objects_of(current), current.object_ids()
     first = objects.select(owners[:1] - 1)
     loose = np.full(current.num_objects, is_loose)
     loose[[0, *first.numbers]] = False
@@ -51,7 +51,7 @@ def test_fragment_goes_with_the_mover_within_half_a_metre(part, is_loose, row):
 
 def test_fragment_goes_with_the_nearer_of_two_movers():
     current = prepared(CAR, FRAGMENT, CAR + rows((4.9, 0, 0)))
-    objects, owners = objects_of(current), current.objects()
+    objects, owners = objects_of(current), current.object_ids()
     part = owners[len(CAR)]
     movers = objects.select(np.flatnonzero(objects.numbers != part))
     is_loose = np.arange(current.num_objects) == part

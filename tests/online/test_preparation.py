@@ -30,7 +30,7 @@ def past_after(*indices, interval_s=0.1):
     preparation = Preparation(SETTINGS)
     for pair in pairs_of([sweep(index) for index in indices]):
         ready = preparation.prepare(pair)
-    return ready.last[-1], ready.past(ready.last[-1], interval_s)
+    return ready.known[-1], ready.past(ready.known[-1], interval_s)
 
 
 class TestPast:
@@ -49,14 +49,14 @@ class TestPast:
     )
     def test_is_the_sweeps_nearest_to_three_and_six_tenths_of_a_second_ago(self, indices, expected):
         current, found = past_after(*indices)
-        ages = [(current.sweep.stamp_ns - item.sweep.sweep.stamp_ns) / 1e8 for item in found]
+        ages = [(current.stamp_ns - item.sweep.stamp_ns) / 1e8 for item in found]
         assert ages == expected
-        assert [-item.intervals for item in found] == pytest.approx(expected)
+        assert [-item.time_ratio for item in found] == pytest.approx(expected)
 
     def test_is_not_the_previous_sweep_itself(self):
         """At three sweeps a second that of a third of a second ago is the previous one."""
         _, (found,) = past_after(0, 3, 6, interval_s=0.3)
-        assert found.sweep.sweep.stamp_ns == stamp_ns(0)
+        assert found.sweep.stamp_ns == stamp_ns(0)
 
     def test_is_unknown_without_stamps(self):
         assert past_after(0, 1, 2, 3, interval_s=0.0)[1] == []
@@ -68,8 +68,8 @@ class TestPast:
         found = {}
         for pair in pairs_of(sweeps):
             ready = preparation.prepare(pair)
-            past = ready.past(ready.last[-1], interval_s=0.1)
-            found[pair.next.stamp_ns] = [item.sweep.sweep.stamp_ns for item in past]
+            past = ready.past(ready.known[-1], interval_s=0.1)
+            found[pair.next.stamp_ns] = [item.sweep.stamp_ns for item in past]
         for index, expected in ((4, []), (5, []), (6, [4]), (7, [4])):
             assert found[stamp_ns(index)] == list(map(stamp_ns, expected))
 
@@ -85,10 +85,10 @@ class TestReady:
         """Another thread estimates with it while later sweeps are made ready."""
         preparation = Preparation(SETTINGS)
         ready = preparation.prepare(SweepTriplet(sweep(0), sweep(1), sweep(2)))
-        before = ready.last
+        before = ready.known
         preparation.prepare(SweepTriplet(None, sweep(3), sweep(4)))
         preparation.prepare(SweepTriplet(None, sweep(5), sweep(6)))
-        assert ready.last is before
+        assert ready.known is before
         assert ready.of_triplet == before
         assert len(before) == 3
 

@@ -94,7 +94,7 @@ def test_points_of_no_object_have_the_cause(changes, verdict):
 def test_object_that_is_dynamic_only_with_another_one_names_it():
     result, car, current = estimate()
     reasons = result.reason_of
-    owners = reasons.scene.current.objects()
+    owners = reasons.scene.current.object_ids()
     numbers = reasons.table.points.numbers
     leader = int(np.flatnonzero(numbers == np.bincount(owners[car]).argmax())[0])
     follower = (leader + 1) % len(numbers)

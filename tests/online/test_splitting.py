@@ -41,13 +41,13 @@ def after(past, now):
 class TestSplit:
     def test_a_person_beside_a_hedge_is_another_object_and_may_move(self):
         found = after([HEDGE], np.concatenate([person(1.0), HEDGE]))
-        owners = found.objects()[len(FAR) :]
+        owners = found.object_ids()[len(FAR) :]
         own, hedge = owners[:300], owners[300:]
         assert np.bincount(own).argmax() == found.num_objects - 1
         # Of the back, which is within 0.25 m of where the hedge was, nobody can tell.
         assert (own == found.num_objects - 1).mean() > 0.7
         assert (hedge == found.num_objects - 1).mean() < 0.02
-        assert found.may_move[-1]
+        assert found.is_short_enough[-1]
         assert found.wholes[-1] == np.bincount(hedge).argmax()
         assert found.num_objects - 1 in objects_of(found).numbers
 
@@ -66,16 +66,18 @@ class TestSplit:
         found = after([coach(-4.0)], coach(0.0))
         assert (found.wholes != np.arange(found.num_objects)).any()
         joined = rejoined(found, np.zeros(0, np.int64))
-        np.testing.assert_array_equal(joined.objects(), whole.objects())
+        np.testing.assert_array_equal(joined.object_ids(), whole.object_ids())
         np.testing.assert_array_equal(joined.thinned_objects, whole.thinned_objects)
         kept = rejoined(found, np.flatnonzero(found.wholes != np.arange(found.num_objects)))
-        np.testing.assert_array_equal(kept.objects(), found.objects())
+        np.testing.assert_array_equal(kept.object_ids(), found.object_ids())
 
     def test_what_is_beside_a_moving_part_stays_apart(self):
         found = after([HEDGE], np.concatenate([person(-3.0), person(3.0), HEDGE]))
         part, other = np.flatnonzero(found.wholes != np.arange(found.num_objects))
-        np.testing.assert_array_equal(rejoined(found, np.array([part])).objects(), found.objects())
-        whole = rejoined(found, np.array([part, found.wholes[part]])).objects()
+        np.testing.assert_array_equal(
+            rejoined(found, np.array([part])).object_ids(), found.object_ids()
+        )
+        whole = rejoined(found, np.array([part, found.wholes[part]])).object_ids()
         assert not np.isin(whole, [part, other]).any()
 
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):
@@ -90,7 +92,7 @@ class TestSplit:
         found = after([], sheet(14.0, 64.0, 0.5))
         assert found.wholes[-1] < found.num_objects - 1
         assert 24.0 < found.sizes[-1] < 30.0
-        assert not found.may_move[-1]
+        assert not found.is_short_enough[-1]
 
     def test_if_most_of_a_thing_is_new_it_is_no_part(self):
         found = after([], sheet(14.0, 8.0, 0.5))
@@ -109,10 +111,10 @@ class TestShortObjects:
     def test_a_person_beside_a_parked_car_is_another_object(self):
         together = np.concatenate([person(1.0), CAR])
         found = after([CAR], together)
-        own, car = np.split(found.objects()[len(FAR) :], [300])
+        own, car = np.split(found.object_ids()[len(FAR) :], [300])
         assert np.bincount(own).argmax() == found.num_objects - 1
         assert (car == found.num_objects - 1).mean() < 0.1
-        assert found.may_move[[own[0], car[-1]]].all()
+        assert found.is_short_enough[[own[0], car[-1]]].all()
 
 
 def bus(y_m):

@@ -49,7 +49,7 @@ def followed(tracker, current, objects, motions, interval_s):
     groups = np.arange(len(objects))
     table = table_of(objects, moving=moved_by(motions), residual_rise=1.0, groups=groups)
     measured = Measurements.of(table, current.pose.world_from_sensor, interval_s or 0.1)
-    stamp_ns = current.sweep.stamp_ns
+    stamp_ns = current.stamp_ns
     tracks = tracker.predicted(stamp_ns, interval_s)
     return tracker.update(tracks, measured, stamp_ns, interval_s)
 
@@ -69,7 +69,7 @@ class TestExpected:
             self.sensor_from_first[:3, :3] @ center + self.sensor_from_first[:3, 3]
             for center in centers
         ]
-        tracks = seen.tracker.predicted(later.sweep.stamp_ns, interval_s)
+        tracks = seen.tracker.predicted(later.stamp_ns, interval_s)
         pose = later.pose.world_from_sensor
         return track_prior(tracks, object_at(*places), pose, interval_s).motions
 
