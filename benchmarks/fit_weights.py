@@ -150,7 +150,7 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     movers, doubtful = table.movers, table.doubtful
-    features = moving_features(movers.moving, movers.log_odds, movers.residual_rise)
+    features = moving_features(movers.fitted, movers.log_odds, movers.residual_rise)
     yield "moving", of_objects(movers.points, features)
     yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.static))
     suspects = np.concatenate([movers.points.numbers, doubtful.points.numbers])
@@ -176,7 +176,7 @@ def _gate_samples(
     fitted: ObjectTable, owners: NDArray[np.int64], true_motion: NDArray[np.float64]
 ) -> Samples:
     """One sample for each object: whether it moves as it was fitted."""
-    features, motions = fitted.evidence, fitted.moving.motions
+    features, motions = fitted.evidence, fitted.fitted.motions
     shares, counts = np.zeros(len(features)), np.zeros(len(features))
     for row, number in enumerate(fitted.points.numbers):
         own = true_motion[owners == number]

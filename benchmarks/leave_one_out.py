@@ -37,7 +37,7 @@ def _without_term(term: int) -> tuple[Any, str, Any]:
 
 
 def _without_turns(_movers: Any, groups: Any, motions: Any, *_: Any) -> Any:  # noqa: ANN401
-    return turning.rigid_heads(motions[groups])
+    return turning.rigid_motions(motions[groups])
 
 
 _WITH_CEILINGS: Final = preset("online").changed({"objects.max_height_m": 100.0})
@@ -62,7 +62,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "turning": (turning, "turning", _without_turns),
     "longer steps of fits": (motions, "_OVER_RELAXATION", 1.0),
     "what moves goes on as it did": (motions, "_PRIOR_SCALE", np.inf),
-    "preference for fitted motions": (motions, "CLEARLY_SHARE", 1.0),
+    "preference for fitted motions": (motions, "_NOT_FITTED_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),
 }
 

@@ -26,7 +26,7 @@ from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
 from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.networks.warm_networks import WarmNetworks
-from mnsf_ros.online.first_guess import with_start
+from mnsf_ros.online.first_guess import with_better_guesses
 from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.online.object_points import ObjectPoints
@@ -98,10 +98,11 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         motions = self._fitted(suspects.points, scene, clock)
         with clock.stage("residuals"):
             some = suspects.points.thinner()
-            table = with_start(table, judge(some, scene.targets, motions), scene.targets)
+            judged = judge(some, scene.targets, motions)
+            table = with_better_guesses(table, judged, scene.targets)
             rows = table.open_rows
             kept = table.select(rows)
-            return table.put(rows, moving=judge(kept.points, scene.targets, kept.start))
+            return table.put(rows, fitted=judge(kept.points, scene.targets, kept.first_guess))
 
     def _fitted(
         self, objects: ObjectPoints, scene: Scene, clock: StageClock

@@ -37,7 +37,7 @@ def rows_of_movers(
     attached_points, their_rows = attached(current, object_ids, movers, is_loose)
     rows[attached_points] = their_rows
     if current.clock is not None:
-        motions = table.movers.moving.motions[movers.owners]
+        motions = table.movers.fitted.motions[movers.owners]
         velocities = motions / np.float32(scene.usual_interval_s)
         again, their_rows = current.clock.owners_again(
             current.xyz, movers.positions, velocities, movers.owners

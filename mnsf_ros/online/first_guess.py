@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
-from mnsf_ros.online.motions import CLEARLY_SHARE, JudgedMotions, best_of, fit_motion_field
+from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
@@ -27,10 +27,12 @@ _CELL_M: Final = 0.4
 _MAX_CELLS_OF_MARGIN: Final = 64
 # Levels of height around the middle of the points, one bit each. The lowest and highest stay empty.
 _NUM_LEVELS: Final = 16
+# A motion explains an object clearly better if it leaves less than this share of the residual.
+_CLEARLY_SHARE: Final = 0.8
 
 
 def with_first_guesses(table: ObjectTable, scene: Scene) -> ObjectTable:
-    """Fills `start` of the suspects, and rejects those that no motion explains clearly better.
+    """Fills `first_guess` of suspects, and rejects those that no motion explains clearly better.
 
     First the candidates are no motion, the shift with most votes in the neighbouring sweeps, and
     the track's prediction. Then the older sweeps vote on shifts around the best of these. They help
@@ -51,11 +53,11 @@ def with_first_guesses(table: ObjectTable, scene: Scene) -> ObjectTable:
     if targets.past:
         voted = voted_motions(some, targets.past, changed_m, best.motions)
         best = best_of(some, targets, best, [voted], prior)
-    return with_start(table, best, targets)
+    return with_better_guesses(table, best, targets)
 
 
-def with_start(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> ObjectTable:
-    """Fills `start` of the K open objects, and rejects those that it does not explain better.
+def with_better_guesses(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> ObjectTable:
+    """Fills `first_guess` of K open objects, and rejects those that it does not explain better.
 
     It must explain an object clearly better than no motion does, or the object must have a track.
     Without older sweeps all objects are kept: the neighbouring sweeps cannot decide.
@@ -66,9 +68,9 @@ def with_start(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> O
         targets: The other sweeps.
     """
     rows = table.open_rows
-    explains = judged.total < CLEARLY_SHARE * table.static.total[rows]
+    explains = judged.total < _CLEARLY_SHARE * table.static.total[rows]
     is_kept = table.prior.has_track[rows] | explains | (not targets.past)
-    table = table.put(rows, start=judged.motions)
+    table = table.put(rows, first_guess=judged.motions)
     return table.rejected(rows[~is_kept], Verdict.NO_BETTER_MOTION)
 
 
@@ -89,9 +91,11 @@ def voted_motions(
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
     """
     # In motions to the first target, so that the grid is fine enough over a longer time.
-    unit = np.float32(targets[0].time_ratio)
-    targets = [replace(target, time_ratio=target.time_ratio / float(unit)) for target in targets]
-    base, reach_m = unit * base, max_change_m * abs(float(unit))
+    first_ratio = np.float32(targets[0].time_ratio)
+    targets = [
+        replace(target, time_ratio=target.time_ratio / float(first_ratio)) for target in targets
+    ]
+    base, reach_m = first_ratio * base, max_change_m * abs(float(first_ratio))
     margin_m = reach_m + float(np.abs(base).max(initial=0.0))
     grid = VotingGrid(
         objects.positions, margin_m * max(1.0, *(abs(target.time_ratio) for target in targets))
@@ -116,7 +120,7 @@ def voted_motions(
     )
     voted = base.copy()
     voted[:, :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
-    return fit_motion_field(objects, targets[0], voted) / unit
+    return fit_motion_field(objects, targets[0], voted) / first_ratio
 
 
 @compiled("int64[::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1])")

@@ -32,29 +32,46 @@ _MIN_SPEED_M_S: Final = NOISE_M / USUAL_INTERVAL_S
 def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
     """Weighs the evidence for the motions of the open objects, and decides which of them move.
 
-    Touching objects that move, or may move, alike become a group: if one of it moves, all do.
+    Near objects that move, or may move, alike become a group: if one of it moves, all do.
     """
-    rows, targets, current = table.open_rows, scene.targets, scene.current
-    fitted = table.select(rows)
-    points, motions = fitted.points, fitted.moving.motions
-    static = judge(points, targets, np.zeros_like(motions))
-    free = free_space(points, targets, motions)
-    features = evidence(fitted, static, free)
-    log_odds = moving_log_odds(features)
-    table = table.put(rows, free=free, evidence=features, log_odds=log_odds)
+    rows = table.open_rows
+    table = _with_evidence(table, rows, scene)
+    suspects = table.select(rows)
+    numbers, wholes, motions = suspects.points.numbers, suspects.wholes, suspects.fitted.motions
     is_followed, is_moving = moves(
-        points.numbers, fitted.wholes, motions, log_odds, scene.usual_interval_s, scene.settings
+        numbers, wholes, motions, suspects.log_odds, scene.usual_interval_s, scene.settings
     )
-    followed = points.select(np.flatnonzero(is_followed))
-    followed_motions = fitted.moving.select(np.flatnonzero(is_followed))
-    groups = mover_groups(followed, motions[is_followed], *followed.all_points(current))
-    residual_rise = residual_rise_m(followed, followed_motions, targets)
-    table = table.put(rows[is_followed], residual_rise=residual_rise, groups=groups)
-    is_moving[is_followed] = np.isin(groups, groups[is_moving[is_followed]])
-    has_moving_part = np.isin(points.numbers, fitted.wholes[is_moving])
+    table = _with_groups(table, rows[is_followed], scene)
+    groups = table.groups[rows]
+    is_moving = np.isin(groups, groups[is_moving])
     verdicts = np.full(len(rows), Verdict.REFUSED, object)
-    verdicts[has_moving_part], verdicts[is_moving] = Verdict.PARTLY, Verdict.DYNAMIC
+    verdicts[np.isin(numbers, wholes[is_moving])] = Verdict.PARTLY
+    verdicts[is_moving] = Verdict.DYNAMIC
     return table.put(rows, verdicts=verdicts)
+
+
+def _with_evidence(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) -> ObjectTable:
+    """Fills `num_new_or_gone`, `evidence` and `log_odds` of some objects."""
+    suspects = table.select(rows)
+    points, motions = suspects.points, suspects.fitted.motions
+    static = judge(points, scene.targets, np.zeros_like(motions))
+    num_new_or_gone = free_space(points, scene.targets, motions)
+    features = evidence(suspects, static, num_new_or_gone)
+    return table.put(
+        rows,
+        num_new_or_gone=num_new_or_gone,
+        evidence=features,
+        log_odds=moving_log_odds(features),
+    )
+
+
+def _with_groups(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) -> ObjectTable:
+    """Fills `residual_rise` and `groups` of the objects that are followed."""
+    followed = table.select(rows)
+    points, fitted = followed.points, followed.fitted
+    groups = mover_groups(points, fitted.motions, *points.all_points(scene.current))
+    rise = residual_rise_m(points, fitted, scene.targets)
+    return table.put(rows, residual_rise=rise, groups=groups)
 
 
 def moving_log_odds(features: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -81,18 +98,18 @@ def free_space(
     current = targets.next.current
     rows = objects.rows_of(current.num_objects)[current.thinned_objects]
     points, owners = chosen_points(current.thinned, rows >= 0), rows[rows >= 0]
-    free = np.zeros(len(objects))
+    num_new_or_gone = np.zeros(len(objects))
     for target in (*targets.past, *targets.near):
-        free += target.num_free(objects, np.zeros_like(motions))
-        free -= target.num_free(objects, motions)
+        num_new_or_gone += target.num_free(objects, np.zeros_like(motions))
+        num_new_or_gone -= target.num_free(objects, motions)
     for target in targets.past or targets.near:
         places = points + np.take(target.displacements(objects, motions), owners, axis=0)
-        free += np.bincount(owners[target.rows_of_gone(places)], minlength=len(objects))
-    return free
+        num_new_or_gone += np.bincount(owners[target.rows_of_gone(places)], minlength=len(objects))
+    return num_new_or_gone
 
 
 def evidence(
-    table: ObjectTable, static: JudgedMotions, free: NDArray[np.float64]
+    table: ObjectTable, static: JudgedMotions, num_new_or_gone: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
@@ -111,19 +128,19 @@ def evidence(
     Args:
         table: K objects whose motions were found.
         static: Residuals of the objects as static.
-        free: (K,) see `free_space`.
+        num_new_or_gone: (K,) see `free_space`.
     """
-    objects, prior, moving = table.points, table.prior, table.moving
+    objects, prior, fitted = table.points, table.prior, table.fitted
     are_parts = table.wholes != objects.numbers
-    lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    is_predicted = prior.has_track & are_same(moving.motions, prior.motions)
-    shares = _log_share(moving.near_mean, static.near_mean) + _log_share(
-        moving.past_mean, static.past_mean
+    lengths = np.sqrt((fitted.motions**2).sum(axis=1))
+    is_predicted = prior.has_track & are_same(fitted.motions, prior.motions)
+    shares = _log_share(fitted.near_mean, static.near_mean) + _log_share(
+        fitted.past_mean, static.past_mean
     )
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(table)),
-        np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
+        np.log1p(np.where(are_parts, 0.0, np.maximum(num_new_or_gone, 0.0))),
         prior.log_odds,
         np.log1p(lengths) * ~is_predicted,
         shares * thicknesses,
@@ -178,7 +195,7 @@ def mover_groups(
     points: NDArray[np.float32],
     owners: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Returns (K,) the group, from 0, of each of K movers that touch and move alike.
+    """Returns (K,) the group, from 0, of each of K movers in reach of each other that move alike.
 
     Args:
         movers: K objects that move.

@@ -15,10 +15,9 @@ from mnsf_ros.online.target import NUM_ITERATIONS, Target, Targets
 
 # Nearest points underestimate motion along surfaces: longer steps converge sooner.
 _OVER_RELAXATION: Final = 1.8
-# A motion explains clearly more than another one if it leaves less than this share of its residual.
-# A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
-# change, most of all when a vehicle brakes.
-CLEARLY_SHARE: Final = 0.8
+# A motion that was not fitted to the neighbouring sweeps must cost less than this share of the
+# fitted one: over a longer time velocities change, most of all when a vehicle brakes.
+_NOT_FITTED_SHARE: Final = 0.8
 # A motion of this prior cost must have a residual smaller by a factor of e.
 _PRIOR_SCALE: Final = 6.0
 # A motion shifted by this should have a larger residual; along a flat side it does not.
@@ -242,11 +241,11 @@ def fuse_motions(
     mean = np.float32(0.5) * (forward + inverted)
     fitted = best_of(objects, targets, judge(objects, targets, mean), (forward, inverted), prior)
     best = best_of(objects, targets, fitted, others, prior)
-    return fitted.better(best, prior, CLEARLY_SHARE)
+    return fitted.better(best, prior, _NOT_FITTED_SHARE)
 
 
 def residual_rise_m(
-    objects: ObjectPoints, moving: JudgedMotions, targets: Targets
+    objects: ObjectPoints, fitted: JudgedMotions, targets: Targets
 ) -> NDArray[np.float64]:
     """Returns (K,) metres, the smallest rise of the residual when the motion is shifted.
 
@@ -254,7 +253,7 @@ def residual_rise_m(
     rise is 0: the motion is a guess.
     """
     angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
-    motions = np.tile(moving.motions, (5, 1, 1))
+    motions = np.tile(fitted.motions, (5, 1, 1))
     motions[1:, :, 0] += (_SHIFT_M * np.cos(angles)).astype(np.float32)
     motions[1:, :, 1] += (_SHIFT_M * np.sin(angles)).astype(np.float32)
     judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))

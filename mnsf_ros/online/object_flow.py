@@ -96,7 +96,7 @@ class ObjectFlowEstimator:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock, start = StageClock(cancelled), self._tracker.start
+        clock, start_kind = StageClock(cancelled), self._tracker.start
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
@@ -129,7 +129,7 @@ class ObjectFlowEstimator:
             flow=flow,
             kept=scene.current.kept,
             times_ms=clock.times_ms,
-            start=start,
+            start=start_kind,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
             own_body=chosen_points(triplet.current.xyz, scene.current.own),
@@ -138,8 +138,9 @@ class ObjectFlowEstimator:
         )
 
     def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `start` and `moving` of the suspects; rejects those that no motion explains better.
+        """Fills `first_guess` and `fitted` of the suspects, and rejects some.
 
+        It rejects those that no motion explains better.
         First guess, forward field, backward field, inversion, fusion.
 
         Args:
@@ -151,15 +152,15 @@ class ObjectFlowEstimator:
             table = with_first_guesses(table, scene)
         rows, targets = table.open_rows, scene.targets
         suspects = table.select(rows)
-        objects, start, prior = suspects.points, suspects.start, suspects.prior
+        objects, first_guess, prior = suspects.points, suspects.first_guess, suspects.prior
         with clock.stage("forward"):
-            forward = fit_motion_field(objects, targets.next, start)
+            forward = fit_motion_field(objects, targets.next, first_guess)
         inverted = None
         if targets.previous is not None:
             with clock.stage("backward"):
-                backward = fit_motion_field(objects, targets.previous, start)
+                backward = fit_motion_field(objects, targets.previous, first_guess)
                 inverted = backward / np.float32(targets.previous.time_ratio)
         with clock.stage("fusion"):
-            others = prior.candidates(start)
-            moving = fuse_motions(objects, targets, forward, inverted, others, prior)
-        return table.put(rows, moving=moving)
+            others = prior.candidates(first_guess)
+            fitted = fuse_motions(objects, targets, forward, inverted, others, prior)
+        return table.put(rows, fitted=fitted)

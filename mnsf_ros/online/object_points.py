@@ -109,7 +109,7 @@ class ObjectPoints(Rows):
     def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":
         """Returns the objects of each group (K,), numbers from 0 to G - 1, as one object.
 
-        Its points are not in the order of their heights.
+        Its points are not in the order of their heights, as `tops` expects.
         """
         order = np.argsort(groups[self.owners], kind="stable")
         _, first = np.unique(groups, return_index=True)
@@ -181,9 +181,9 @@ class ObjectPoints(Rows):
         """(K,) metres, how far each object reaches above the sensor; 0 if it does not.
 
         The height of an object is estimated as twice the height of the middle half of its points.
-        This ignores points above a mover, such as the roof of a tunnel or the crown of a tree.
+        This ignores points above a mover, such as the roof of a tunnel or the crown of a tree. The
+        points must be in the order of their heights, as of `thinned`; after `joined` they are not.
         """
-        # Points are in the order of their heights, see `thinned`.
         low, high = (self.positions[self.starts + share * self.counts // 4, 2] for share in (1, 3))
         return np.maximum(self.centers[:, 2] + (high - low), 0).astype(np.float64)
 

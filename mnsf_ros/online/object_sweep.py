@@ -32,11 +32,11 @@ class ObjectSweep:
         input: The input sweep.
         pose: Pose of the sensor.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
-        kept: (N,) bool, the points with a height that are not ground.
+        kept: (N,) bool, the points inside the crop that are not ground, own body, or too high.
         ground: The ground under it.
         own: (N,) bool, the points on the own body.
-        heights: (N,) float32, metres above ground of its points; NaN outside the crop and on the
-            own body, -infinity above `objects.max_height_m`.
+        heights: (N,) float32, metres above ground of its points. NaN says: outside the crop, or on
+            the own body. -infinity says: above `objects.max_height_m`.
         clock: Measuring time of each direction; None if unknown.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.

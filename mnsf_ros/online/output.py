@@ -16,7 +16,7 @@ from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.tracker import Track
-from mnsf_ros.online.turning import encoded, headed
+from mnsf_ros.online.turning import flow_by, with_offsets
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
@@ -36,11 +36,11 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
     rows = rows[dynamic_rows]
     motion = np.zeros((len(object_ids), 3), np.float32)
     offsets = np.take(current.xyz, dynamic_rows, axis=0) - movers.points.centers[rows]
-    motion[dynamic_rows] = headed(encoded(offsets), rows, movers.heads)
+    motion[dynamic_rows] = flow_by(with_offsets(offsets), rows, movers.linear_motions)
     track_ids = np.zeros(len(object_ids), np.int32)
     track_ids[dynamic_rows] = movers.track_ids[rows]
     confidence = _static_confidence(current, object_ids, table.doubtful)
-    of_movers = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)
+    of_movers = moving_confidence(movers.fitted, movers.log_odds, movers.residual_rise)
     confidence[dynamic_rows] = of_movers[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
@@ -152,7 +152,7 @@ def _tracked_object(
         velocity=turn @ velocity,
         turn_rate=track.turn_rate,
         covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
-        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
+        age_s=(track.stamp_ns - track.moving_since_ns) / NANOSECONDS,
         num_points=len(seen),
     )
 

@@ -53,15 +53,16 @@ class Reasons:
         found = np.flatnonzero(self.table.points.numbers == number)
         row = int(found[0]) if len(found) else -1
         verdict = self._without_row(number, num_points) if row < 0 else self.table.verdicts[row]
-        motion, start, leader, evidence = None, None, None, {}
+        motion, start, leader = None, None, None
+        evidence: dict[str, float] = {}
         if verdict in (*FITTED, Verdict.NO_BETTER_MOTION):
-            start = self.table.start[row].astype(np.float64)
+            start = self.table.first_guess[row].astype(np.float64)
         if verdict in FITTED:
-            motion = self.table.moving.motions[row]
-            evidence = {
-                "points new or gone": float(self.table.free[row]),
-                "probability": float(expit(self.table.log_odds[row])),
-            }
+            motion = self.table.fitted.motions[row]
+            if self.table.wholes[row] == number:
+                # Of parts it is no evidence: it defined them.
+                evidence["points new or gone"] = float(self.table.num_new_or_gone[row])
+            evidence["probability"] = float(expit(self.table.log_odds[row]))
             leader = self._leader(row)
         return Reason(
             verdict,

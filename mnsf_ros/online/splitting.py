@@ -49,7 +49,7 @@ def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
 
     Args:
         current: The sweep.
-        new: (P,) the points; touching ones of one object are a part of it, if the part is no more
+        new: (P,) the points; connected ones of one object are a part of it, if the part is no more
             than half of the object. Otherwise they stay in the object.
     """
     if len(new) == 0:

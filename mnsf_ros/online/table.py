@@ -32,14 +32,14 @@ class ObjectTable(Rows):
         verdicts: (K,) of `Verdict`.
         prior: What their tracks predict.
         static: Residuals as static objects, from a few points of each; for suspects only.
-        start: (K, 3) metres to the next sweep, initial value of the fit of the motion.
-        moving: The estimated motion and its residuals.
-        free: (K,) points new or gone, see `free_space`.
+        first_guess: (K, 3) metres to the next sweep, initial value of the fit of the motion.
+        fitted: The fitted motion and its residuals.
+        num_new_or_gone: (K,) points new or gone, see `free_space`.
         evidence: (K, E) features for and against the motion.
         log_odds: (K,) that it moves.
         residual_rise: (K,) metres, rise of the residual for shifted motions, see `residual_rise_m`.
         groups: (K,) the group of objects that move, or may move, alike; else -1.
-        heads: (K, 3, 3) motion and turn of movers, see `turning.Heads`.
+        linear_motions: (K, 3, 3) motion and turn of movers, see `turning.LinearMotions`.
         track_ids: (K,) the track of objects in groups, else 0.
     """
 
@@ -48,14 +48,14 @@ class ObjectTable(Rows):
     verdicts: NDArray[np.object_]
     prior: TrackPrior
     static: JudgedMotions
-    start: NDArray[np.float32]
-    moving: JudgedMotions
-    free: NDArray[np.float64]
+    first_guess: NDArray[np.float32]
+    fitted: JudgedMotions
+    num_new_or_gone: NDArray[np.float64]
     evidence: NDArray[np.float64]
     log_odds: NDArray[np.float64]
     residual_rise: NDArray[np.float64]
     groups: NDArray[np.int64]
-    heads: NDArray[np.float64]
+    linear_motions: NDArray[np.float64]
     track_ids: NDArray[np.int64]
 
     @classmethod
@@ -75,14 +75,14 @@ class ObjectTable(Rows):
             verdicts=np.full(num_objects, Verdict.OPEN, object),
             prior=prior,
             static=unknown,
-            start=unknown.motions,
-            moving=unknown,
-            free=np.zeros(num_objects),
+            first_guess=unknown.motions,
+            fitted=unknown,
+            num_new_or_gone=np.zeros(num_objects),
             evidence=np.zeros((num_objects, NUM_FEATURES)),
             log_odds=np.zeros(num_objects),
             residual_rise=np.zeros(num_objects),
             groups=np.full(num_objects, -1),
-            heads=np.zeros((num_objects, 3, 3)),
+            linear_motions=np.zeros((num_objects, 3, 3)),
             track_ids=np.zeros(num_objects, np.int64),
         )
 
@@ -135,7 +135,7 @@ class ObjectTable(Rows):
         rows, num_groups = self.followed_rows, self.num_groups
         groups, counts = self.groups[rows], self.points.counts[rows].astype(np.float64)
         weights = np.bincount(groups, counts, num_groups)[:, None]
-        weighted = self.moving.motions[rows] * counts[:, None]
+        weighted = self.fitted.motions[rows] * counts[:, None]
         return np.asarray(sums_by_group(weighted, groups, num_groups) / weights, np.float64)
 
 

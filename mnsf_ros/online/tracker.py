@@ -82,7 +82,7 @@ class Measurements:
         rises = np.bincount(groups, counts * followed.residual_rise, num_groups) / weights[:, 0]
         velocity_errors = _MOTION_M / interval_s / np.clip(rises / _CLEAR_RISE_M, 1e-3, 1.0)
         turn_rates, log_odds = np.zeros(num_groups), np.full(num_groups, -np.inf)
-        turn_rates[groups] = turns_of(followed.heads) / interval_s
+        turn_rates[groups] = turns_of(followed.linear_motions) / interval_s
         np.maximum.at(log_odds, groups, followed.log_odds)
         return cls(
             states=np.stack([centers, velocities], axis=1),
@@ -111,9 +111,9 @@ class Track:
     Attributes:
         track_id: Number from 1.
         stamp_ns: Time of state and points.
-        begun_ns: When it was first seen to move.
+        moving_since_ns: When it was first seen to move.
         seen_ns: When it was last seen.
-        num_seen: In how many sweeps it was seen to move.
+        num_moving: Number of sweeps in which it was seen to move.
         log_odds: That it moves, from all sweeps that showed it.
         state: (2, 3) place in metres and velocity in metres per second.
         turn_rate: Radians per second, to the left.
@@ -123,9 +123,9 @@ class Track:
 
     track_id: int
     stamp_ns: int
-    begun_ns: int
+    moving_since_ns: int
     seen_ns: int
-    num_seen: int
+    num_moving: int
     log_odds: float
     state: NDArray[np.float64]
     turn_rate: float
@@ -163,9 +163,9 @@ class Track:
         """The track after it was seen again, its state already corrected."""
         return replace(
             self,
-            begun_ns=self.begun_ns if self.num_seen else stamp_ns,
+            moving_since_ns=self.moving_since_ns if self.num_moving else stamp_ns,
             seen_ns=stamp_ns,
-            num_seen=self.num_seen + moves,
+            num_moving=self.num_moving + moves,
             log_odds=log_odds,
             # Prediction and measurement are about equally certain.
             turn_rate=(self.turn_rate + turn_rate) / 2,
@@ -206,7 +206,7 @@ class Tracker:
         """Continues tracks with the measurements of a sweep, and begins new ones.
 
         Args:
-            tracks: The tracks, predicted to the sweep.
+            tracks: Result of `predicted` for the sweep; a track that is not among them ends.
             measured: G groups of objects that move, or may move, in the sweep.
             stamp_ns: Time of the sweep.
             interval_s: Time to the next sweep.
@@ -348,13 +348,14 @@ def _assigned(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Returns (A,) groups that continue a track, and (A,) the indices of their tracks."""
     # Of two tracks at the same place the one seen more often continues.
-    settled = 1 - 1 / (1 + np.array([track.num_seen for track in tracks]))
+    seniority = 1 - 1 / (1 + np.array([track.num_moving for track in tracks]))
     # If the object of a track falls into parts, the largest part continues the track.
     sizes = np.bincount(measured.owners, minlength=len(measured))
     track_sizes = np.array([max(len(track.points), 1) for track in tracks])
     met = shares * sizes[:, None]
-    overlap = met / (sizes[:, None] + track_sizes - np.minimum(met, track_sizes))
-    gains = may_continue * (overlap + settled)
+    intersection_over_union = met / (sizes[:, None] + track_sizes - np.minimum(met, track_sizes))
+    # Both are from 0 to 1 and have the same weight.
+    gains = may_continue * (intersection_over_union + seniority)
     groups, continued = linear_sum_assignment(gains, maximize=True)
     is_same = may_continue[groups, continued]
     return groups[is_same], continued[is_same]

@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The flow of objects that turn: a linear head on an encoding of the position.
+"""The flow of objects that turn: linear in the position.
 
-The encoding of a point consists of 1 and its horizontal offset from the middle of its object.
-Gauss-Newton steps fit the head of each object to a target sweep. The fit may turn, stretch and
-shear an object; `turning` keeps the horizontal motion and the turn only.
+The features of a point are 1 and its horizontal offsets from the middle of its object.
+Gauss-Newton steps fit the linear motion of each object to a target sweep. The fit may turn, stretch
+and shear an object; `turning` keeps the horizontal motion and the turn only.
 """
 
 from collections.abc import Sequence
@@ -24,65 +24,65 @@ _PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
 # A point this far from the target, plus twice its spacing, has half of its weight.
 _HALF_WEIGHT_M: Final = 0.1
 
-# (K, 3, 3) for K objects: the flow to the next sweep, in metres, per unit of the constant and of
-# each offset of the encoding.
-Heads = NDArray[np.float64]
+# (K, 3, 3) for K objects: the flow to the next sweep, in metres: that of the middle, and what each
+# metre of an offset adds.
+LinearMotions = NDArray[np.float64]
 
 
-def rigid_heads(
+def rigid_motions(
     motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0
-) -> Heads:
-    """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres and turn by (K,) radians.
+) -> LinearMotions:
+    """Returns the linear motions of objects that move by (K, 3) metres and turn by (K,) radians.
 
     Turns are small angles about the middle, positive to the left.
     """
-    heads: Heads = np.zeros((len(motions), 3, 3))
-    heads[:, 0] = motions
-    heads[:, 1, 1], heads[:, 2, 0] = turns, np.negative(turns)
-    return heads
+    linear: LinearMotions = np.zeros((len(motions), 3, 3))
+    linear[:, 0] = motions
+    linear[:, 1, 1], linear[:, 2, 0] = turns, np.negative(turns)
+    return linear
 
 
-def turns_of(heads: Heads) -> NDArray[np.float64]:
-    """Returns (K,) the turn angles of heads (K, 3, 3), radians."""
-    return np.asarray((heads[:, 1, 1] - heads[:, 2, 0]) / 2, np.float64)
+def turns_of(linear: LinearMotions) -> NDArray[np.float64]:
+    """Returns (K,) the turn angles of linear motions, radians."""
+    return np.asarray((linear[:, 1, 1] - linear[:, 2, 0]) / 2, np.float64)
 
 
-class EncodedPoints:
-    """Points of objects, encoded, to fit heads to targets."""
+class LinearFit:
+    """Points of objects, to fit linear motions to targets."""
 
     def __init__(
         self, objects: ObjectPoints, motions: NDArray[np.float32], targets: Sequence[Target]
     ) -> None:
-        """Encodes the points.
+        """Computes the features of the points.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres to the next sweep; they decide when a target measures an object.
-            targets: The sweeps that heads are fitted to.
+            targets: The sweeps that linear motions are fitted to.
         """
         self._objects = objects
         self._time_ratios = {target: target.time_ratios_of(objects, motions) for target in targets}
-        self._encoding = encoded(objects.positions - objects.centers[objects.owners])
+        self._features = with_offsets(objects.positions - objects.centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
-    def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
-        """Returns (K,) metres, the residual of each object on a target, moved by its head."""
+    def residuals(self, target: Target, linear: LinearMotions) -> NDArray[np.float64]:
+        """Returns (K,) metres, the residual of each object on a target, after its motion."""
         objects = self._objects
-        moved = self._flow(self._time_ratios[target][:, :, None] * heads)
+        moved = self._flow(self._time_ratios[target][:, :, None] * linear)
         points, each, transform = objects.positions, self._each, target.from_current
         distances, _, _ = target.sweep.grid.compared(
             points, each, moved, transform, objects.spacing, target.limits_m(objects, moved)
         )
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
-    def fitted(self, target: Target, start: Heads) -> Heads:
-        """Returns heads that move the points onto a target.
+    def fitted(self, target: Target, start: LinearMotions) -> LinearMotions:
+        """Returns linear motions that move the points onto a target.
 
         They minimize a robust D(p + g(p), S) plus a prior around the start.
 
         Args:
             target: The target sweep S.
-            start: The heads to start from.
+            start: The linear motions to start from.
         """
         objects = self._objects
         time_ratios = self._time_ratios[target][:, :, None]
@@ -92,7 +92,7 @@ class EncodedPoints:
         places = transformed(points + begin, transform)
         is_unseen = target.are_unseen(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
-        heads, exactly = start, np.zeros_like(objects.spacing)
+        linear, exactly = start, np.zeros_like(objects.spacing)
         for _ in range(NUM_ITERATIONS):
             distances, vectors, counts = target.sweep.grid.compared(
                 points, each, flow, transform, exactly
@@ -100,35 +100,36 @@ class EncodedPoints:
             weights = (counts > 0) * ~is_unseen / (1 + (distances / half_m) ** 2)
             wanted = turned(vectors, transform[:3, :3].T) + flow - begin
             left, right = _normal_equations(
-                self._encoding, objects.owners, weights, wanted, len(objects)
+                self._features, objects.owners, weights, wanted, len(objects)
             )
-            heads = start + np.linalg.solve(left + _PRIOR, right)
-            flow = self._flow(heads)
-        return np.asarray(heads / time_ratios, np.float64)
+            # LAPACK solves each 3 x 3 system by itself: other objects and threads change no digit.
+            linear = start + np.linalg.solve(left + _PRIOR, right)
+            flow = self._flow(linear)
+        return np.asarray(linear / time_ratios, np.float64)
 
-    def _flow(self, heads: Heads) -> NDArray[np.float32]:
+    def _flow(self, linear: LinearMotions) -> NDArray[np.float32]:
         """Returns (P, 3) metres, the flow of the points."""
-        return headed(self._encoding, self._objects.owners, heads)
+        return flow_by(self._features, self._objects.owners, linear)
 
 
-def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Returns (P, 3) the encodings of points at offsets (P, 3) from their middle, metres."""
-    encoding = np.ones((len(offsets), 3))
-    encoding[:, 1:] = offsets[:, :2]
-    return encoding
+def with_offsets(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Returns (P, 3) features, 1 and horizontal offsets, of points at offsets (P, 3), metres."""
+    features = np.ones((len(offsets), 3))
+    features[:, 1:] = offsets[:, :2]
+    return features
 
 
 @compiled("float32[:, ::1](float64[:, ::1], int64[::1], float64[:, :, ::1])")
-def headed(
-    encoding: NDArray[np.float64], owners: NDArray[np.int64], heads: Heads
+def flow_by(
+    features: NDArray[np.float64], owners: NDArray[np.int64], linear: LinearMotions
 ) -> NDArray[np.float32]:
-    """Returns (P, 3) metres, the flow of encodings (P, 3) by the heads of their owners (P,)."""
-    flow = np.empty((len(encoding), 3), np.float32)
-    for row in range(len(encoding)):
-        one, ahead, aside = encoding[row]
-        head = heads[owners[row]]
+    """Returns (P, 3) metres, the flow of features (P, 3) by the motions of their owners (P,)."""
+    flow = np.empty((len(features), 3), np.float32)
+    for row in range(len(features)):
+        one, ahead, aside = features[row]
+        own = linear[owners[row]]
         for axis in range(3):
-            flow[row, axis] = one * head[0, axis] + ahead * head[1, axis] + aside * head[2, axis]
+            flow[row, axis] = one * own[0, axis] + ahead * own[1, axis] + aside * own[2, axis]
     return flow
 
 
@@ -137,7 +138,7 @@ def headed(
     "(float64[:, ::1], int64[::1], float64[::1], float64[:, ::1], int64)"
 )
 def _normal_equations(
-    encoding: NDArray[np.float64],
+    features: NDArray[np.float64],
     owners: NDArray[np.int64],
     weights: NDArray[np.float64],
     wanted: NDArray[np.float64],
@@ -146,32 +147,32 @@ def _normal_equations(
     """Returns the left and the right sides, (num_objects, 3, 3) each, of weighted least squares.
 
     Args:
-        encoding: (P, 3) of the points.
+        features: (P, 3) of the points.
         owners: (P,) their objects.
         weights: (P,) how much each counts.
         wanted: (P, 3) metres, the target values of the flow.
         num_objects: How many objects there are.
     """
     left, right = np.zeros((num_objects, 3, 3)), np.zeros((num_objects, 3, 3))
-    for row in range(len(encoding)):
+    for row in range(len(features)):
         owner = owners[row]
         for feature in range(3):
-            weighted = weights[row] * encoding[row, feature]
+            weighted = weights[row] * features[row, feature]
             for column in range(3):
-                left[owner, feature, column] += weighted * encoding[row, column]
+                left[owner, feature, column] += weighted * features[row, column]
                 right[owner, feature, column] += weighted * wanted[row, column]
     return left, right
 
 
 def with_turns(table: ObjectTable, scene: Scene) -> ObjectTable:
-    """Fills `heads` of the movers: how their groups move and turn."""
+    """Fills `linear_motions` of the movers: how their groups move and turn."""
     movers = table.movers
-    moving, groups = np.unique(movers.groups, return_inverse=True)
-    turns = np.zeros(len(moving))
+    moving_groups, groups = np.unique(movers.groups, return_inverse=True)
+    turns = np.zeros(len(moving_groups))
     turns[groups] = movers.prior.turn_rates * scene.usual_interval_s
-    motions = table.group_motions[moving].astype(np.float32)
-    heads = turning(movers.points, groups, motions, turns, scene.targets)
-    return table.put(table.mover_rows, heads=heads)
+    motions = table.group_motions[moving_groups].astype(np.float32)
+    linear = turning(movers.points, groups, motions, turns, scene.targets)
+    return table.put(table.mover_rows, linear_motions=linear)
 
 
 def turning(
@@ -180,13 +181,13 @@ def turning(
     motions: NDArray[np.float32],
     turns: NDArray[np.float64],
     targets: Targets,
-) -> Heads:
-    """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
+) -> LinearMotions:
+    """Returns the linear motions of K movers: motions of their middles, and turns about these.
 
-    Each group moves and turns as one rigid body. One head per group is fitted to each neighbouring
-    sweep, starting from the predicted turn, which remains where the points do not constrain it. The
-    mean of these heads is reduced to its horizontal motion and its turn. If this does not lower
-    the residual, the given motion is kept, without a turn.
+    Each group moves and turns as one rigid body. One linear motion per group is fitted to each
+    neighbouring sweep, starting from the predicted turn, which remains where the points do not
+    constrain it. The mean of these is reduced to its horizontal motion and its turn. If this does
+    not lower the residual, the given motion is kept, without a turn.
 
     Args:
         movers: K objects.
@@ -196,18 +197,19 @@ def turning(
         targets: The other sweeps.
     """
     bodies = movers.joined(groups)
-    straight = rigid_heads(motions)
-    points = EncodedPoints(bodies, motions, targets.near)
-    start = rigid_heads(motions, turns)
-    fitted = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
-    rigid = rigid_heads(
+    straight = rigid_motions(motions)
+    fit = LinearFit(bodies, motions, targets.near)
+    start = rigid_motions(motions, turns)
+    fitted = np.mean([fit.fitted(each, start) for each in targets.near], axis=0)
+    rigid = rigid_motions(
         np.concatenate([fitted[:, 0, :2], motions[:, 2:]], axis=1), turns_of(fitted)
     )
     before, after = (
-        np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
-        for heads in (straight, rigid)
+        np.mean([fit.residuals(target, linear) for target in targets.near], axis=0)
+        for linear in (straight, rigid)
     )
-    heads = np.where((after < before)[:, None, None], rigid, straight)[groups]
-    offsets = encoded(movers.centers - bodies.centers[groups])
-    heads[:, 0] = (offsets[:, :, None] * heads).sum(axis=1)
-    return heads
+    linear = np.where((after < before)[:, None, None], rigid, straight)[groups]
+    # From the motion of the group's middle to that of each mover's middle.
+    features = with_offsets(movers.centers - bodies.centers[groups])
+    linear[:, 0] = (features[:, :, None] * linear).sum(axis=1)
+    return linear

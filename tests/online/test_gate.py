@@ -85,14 +85,14 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     )
     moving = judge(suspects.points, targets, rows(motion))
     known, bias = (
-        moving_log_odds(evidence(replace(table, moving=moving), table.static, np.zeros(1)))
+        moving_log_odds(evidence(replace(table, fitted=moving), table.static, np.zeros(1)))
         for table in (suspects, without)
     )
     # The evidence of this sweep alone is just not enough.
     log_odds = known - bias - 1.0
     assert log_odds[0] == pytest.approx(-1.0 + 0.4 * odds)
-    may_move, is_moving = moves(*ONE, moving.motions, log_odds, 0.1, Settings().objects)
-    assert may_move[0]
+    is_followed, is_moving = moves(*ONE, moving.motions, log_odds, 0.1, Settings().objects)
+    assert is_followed[0]
     assert is_moving[0] == called
 
 
@@ -137,8 +137,8 @@ def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m
 def test_of_a_part_and_its_whole_the_likelier_moves(log_odds, followed, moving):
     settings = Settings().objects
     numbers, wholes, motions = np.array([3, 7]), np.array([3, 3]), rows((0.3, 0, 0), (0.3, 0, 0))
-    may_move, is_moving = moves(numbers, wholes, motions, np.array(log_odds), 0.1, settings)
-    assert may_move.tolist() == followed
+    is_followed, is_moving = moves(numbers, wholes, motions, np.array(log_odds), 0.1, settings)
+    assert is_followed.tolist() == followed
     assert is_moving.tolist() == moving
 
 

@@ -47,7 +47,7 @@ def object_at(*centers):
 def followed(tracker, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     groups = np.arange(len(objects))
-    table = table_of(objects, moving=moved_by(motions), residual_rise=1.0, groups=groups)
+    table = table_of(objects, fitted=moved_by(motions), residual_rise=1.0, groups=groups)
     measured = Measurements.of(table, current.pose.world_from_sensor, interval_s or 0.1)
     stamp_ns = current.stamp_ns
     tracks = tracker.predicted(stamp_ns, interval_s)

@@ -14,7 +14,7 @@ from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.online.gate import mover_groups
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.tracker import Measurements, Tracker
-from mnsf_ros.online.turning import rigid_heads
+from mnsf_ros.online.turning import rigid_motions
 from mnsf_ros.settings import Settings
 
 INTERVAL_S = 0.1
@@ -39,12 +39,12 @@ def seen(
     groups = mover_groups(objects, motions, objects.positions, objects.owners)
     table = table_of(
         objects,
-        moving=moved_by(motions),
+        fitted=moved_by(motions),
         verdicts=Verdict.DYNAMIC,
         log_odds=3.0,
         residual_rise=residual_rise_m,
         groups=groups,
-        heads=rigid_heads(motions, np.full(number, turn_rate * INTERVAL_S)),
+        linear_motions=rigid_motions(motions, np.full(number, turn_rate * INTERVAL_S)),
     )
     return Measurements.of(table, np.eye(4), INTERVAL_S)
 
