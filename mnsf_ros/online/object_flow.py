@@ -138,9 +138,8 @@ class ObjectFlowEstimator:
         )
 
     def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `first_guess` and `fitted` of the suspects, and rejects some.
+        """Fills `first_guess` and `fitted`, and rejects suspects that no motion explains better.
 
-        It rejects those that no motion explains better.
         First guess, forward field, backward field, inversion, fusion.
 
         Args:

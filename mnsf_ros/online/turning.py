@@ -102,7 +102,7 @@ class LinearFit:
             left, right = _normal_equations(
                 self._features, objects.owners, weights, wanted, len(objects)
             )
-            # LAPACK solves each 3 x 3 system by itself: other objects and threads change no digit.
+            # Each 3 x 3 system has a LAPACK call of its own, too small for threads: same digits.
             linear = start + np.linalg.solve(left + _PRIOR, right)
             flow = self._flow(linear)
         return np.asarray(linear / time_ratios, np.float64)
@@ -169,7 +169,10 @@ def with_turns(table: ObjectTable, scene: Scene) -> ObjectTable:
     movers = table.movers
     moving_groups, groups = np.unique(movers.groups, return_inverse=True)
     turns = np.zeros(len(moving_groups))
-    turns[groups] = movers.prior.turn_rates * scene.usual_interval_s
+    # The member with most points where its track predicts them decides, thus comes last: a
+    # fragment without a track must not erase the turn of its group.
+    order = np.argsort(movers.prior.shares * movers.points.counts, kind="stable")
+    turns[groups[order]] = movers.prior.turn_rates[order] * scene.usual_interval_s
     motions = table.group_motions[moving_groups].astype(np.float32)
     linear = turning(movers.points, groups, motions, turns, scene.targets)
     return table.put(table.mover_rows, linear_motions=linear)

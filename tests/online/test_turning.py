@@ -4,9 +4,16 @@
 import numpy as np
 import pytest
 from box_street import CAR, BoxStreet, box_points, pose, stamp_ns
+from small_scenes import SETTINGS as SMALL
+from small_scenes import moved_by, objects_of, prepared, surface, table_of, target
 
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
+from mnsf_ros.online.motions import TrackPrior
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.preparation import Scene
+from mnsf_ros.online.target import Targets
+from mnsf_ros.online.turning import turns_of, with_turns
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -68,3 +75,20 @@ def test_finds_how_a_car_moves_and_turns(motion, limit_m):
     # It turns about the vertical axis, and stays as it is.
     known = estimates[-1].over_ground
     assert np.ptp(known.motion[known.dynamic][:, 2]) < 0.02
+
+
+@pytest.mark.parametrize("of_track", [0, 1])
+def test_fragment_without_a_track_does_not_stop_the_turn_of_its_group(of_track):
+    sides = [surface((x, 0.0, 0.0), size=(0.6, 0.6, 1.0), num_points=12) for x in (9.5, 10.5)]
+    turn = pose(10.0) @ pose(yaw_deg=8.0) @ np.linalg.inv(pose(10.0))
+    current = prepared(*sides)
+    after = prepared(*(transformed(each, turn) for each in sides))
+    objects = objects_of(current)
+    prior = TrackPrior.without_tracks(2).put(
+        np.array([of_track]), shares=0.9, turn_rates=np.radians(80.0)
+    )
+    motions = np.zeros((2, 3), np.float32)
+    scene = Scene(current, Targets([target(after, current)], []), 0.1, SMALL.objects)
+    table = table_of(objects, prior, fitted=moved_by(motions), verdicts=Verdict.DYNAMIC, groups=0)
+    found = turns_of(with_turns(table, scene).linear_motions)
+    assert np.degrees(found) == pytest.approx(8.0, abs=0.5)
