@@ -43,6 +43,9 @@ class ObjectSweep:
         grid: The thinned points in cells.
         wholes: (all objects,) int, the object that each was cut out of, see `split`; else its
             own number.
+        members: (M, 3) metres, the thinned points of each object, and (M,) their objects. Points of
+            a part are points of its whole, too.
+        is_short_enough: (all objects,) those not too long to move, see `objects.max_size_m`.
     """
 
     def __init__(
@@ -82,12 +85,29 @@ class ObjectSweep:
                 f"and ground removal, expected at least {MIN_POINTS}"
             )
         segmentation = Segmentation(points, settings.objects.cell_size_m)
-        self._point_objects = segmentation.objects_of(points)
         self.thinned = _thinned(points, settings)
-        self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
-        self.wholes: NDArray[np.int64] = np.arange(segmentation.num_objects)
         self._max_size_m = settings.objects.max_size_m
+        self._group(
+            segmentation.objects_of(self.thinned),
+            segmentation.objects_of(points),
+            np.arange(segmentation.num_objects),
+        )
+
+    def _group(
+        self,
+        thinned_objects: NDArray[np.int64],
+        point_objects: NDArray[np.int64],
+        wholes: NDArray[np.int64],
+    ) -> None:
+        """Puts the points into objects: sets all that depends on these."""
+        self.thinned_objects, self._point_objects = thinned_objects, point_objects
+        self.wholes = wholes
+        whole_of = wholes[thinned_objects]
+        of_parts = np.flatnonzero(whole_of != thinned_objects)
+        points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
+        self.members = points, np.append(whole_of, thinned_objects[of_parts])
+        self.is_short_enough = np.asarray(self.sizes < self._max_size_m)
 
     @cached_property
     def view(self) -> RangeView:
@@ -104,18 +124,6 @@ class ObjectSweep:
         """Number of objects; number 0 is none."""
         return len(self.wholes)
 
-    @cached_property
-    def members(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """(M, 3) metres, the thinned points of each object, and (M,) the objects.
-
-        Points of a part are points of its whole, too.
-        """
-        objects = self.thinned_objects
-        wholes = self.wholes[objects]
-        of_parts = np.flatnonzero(wholes != objects)
-        points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
-        return points, np.append(wholes, objects[of_parts])
-
     @property
     def counts(self) -> NDArray[np.int64]:
         """(all objects,) how many thinned points each has."""
@@ -125,11 +133,6 @@ class ObjectSweep:
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
         return sizes_of(*self.members, self.num_objects)
-
-    @cached_property
-    def is_short_enough(self) -> NDArray[np.bool_]:
-        """(all objects,) those that are not too long to move, see `objects.max_size_m`."""
-        return np.asarray(self.sizes < self._max_size_m)
 
     def relabelled(
         self,
@@ -143,11 +146,11 @@ class ObjectSweep:
             wholes: Of the new objects.
         """
         other = copy(self)
-        for derived in ("members", "is_short_enough"):
-            other.__dict__.pop(derived, None)
-        other.wholes = wholes
-        other.thinned_objects = relabel(self.thinned, self.thinned_objects)
-        other._point_objects = relabel(self._points, self._point_objects)
+        other._group(
+            relabel(self.thinned, self.thinned_objects),
+            relabel(self._points, self._point_objects),
+            wholes,
+        )
         return other
 
     def object_ids(self) -> NDArray[np.int64]:
