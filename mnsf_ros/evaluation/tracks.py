@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_track import StampedPose
-from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
+from mnsf_ros.geometry.transforms import transform_matrix
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TYPE
@@ -199,10 +199,6 @@ def recorded_poses(
     """
     child = ""
 
-    def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
-        stamp_ns = decode_stamp(message.header.stamp)
-        return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
-
     def transform_of(message: Any, _: int) -> StampedPose | None:  # noqa: ANN401 - a TFMessage
         nonlocal child
         for one in message.transforms:
@@ -216,7 +212,7 @@ def recorded_poses(
 
     if reader.topics[topic].msgtype == TF_TYPE:
         return _decoded(reader, topic, findings, transform_of)
-    return _decoded(reader, topic, findings, pose_of)
+    return _decoded(reader, topic, findings, lambda message, _: StampedPose.of(message))
 
 
 def _decoded(
