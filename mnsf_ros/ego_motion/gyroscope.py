@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.sweep_motion import Turns
-from mnsf_ros.geometry.rate_track import are_covered
+from mnsf_ros.sweeps.rate_track import are_covered
 from mnsf_ros.sweeps.sweep import Sweep
 
 # Rates fit a registered rotation if they miss it by less than this angle, or share of the turn: a
@@ -43,9 +43,9 @@ class Gyroscope:
 
     def turns(self, sweep: Sweep, moment_s: float) -> Turns | None:
         """Returns the rotations during a sweep with times of points; None if unknown."""
-        if not self._is_good or sweep.times_s is None or len(sweep) == 0:
+        if not self._is_good or sweep.times_s is None:
             return None
-        first_s, last_s = float(sweep.times_s.min()), float(sweep.times_s.max())
+        first_s, last_s = sweep.span_s
         even_s = np.linspace(first_s, last_s, _NUM_TURNS)
         times_s = np.union1d(even_s, [0.0, moment_s])
         found = self._orientations(sweep, times_s)

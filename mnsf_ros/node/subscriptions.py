@@ -17,14 +17,15 @@ from sensor_msgs.msg import Imu, PointCloud2
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
-from mnsf_ros.geometry.rate_track import RateTrack, StampedRate, are_covered
+from mnsf_ros.geometry.stamped_rate import StampedRate
 from mnsf_ros.geometry.stamped_track import Stamped, StampedTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.node.diagnostics import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, SWEEPS_LOST
 from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.rate_track import RateTrack, are_covered
+from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.errors import MessageError
 
@@ -287,12 +288,10 @@ class ImuInput:
 
     def turning(self, sweep: Sweep) -> Sweep:
         """Returns the sweep with its turn rates, if they and the rotation of the IMU are known."""
-        last_s = 0.0 if sweep.times_s is None else float(sweep.times_s.max(initial=0.0))
-        end_ns = sweep.stamp_ns + round(last_s * NANOSECONDS)
-        rates = self._track.around(sweep.stamp_ns, end_ns)
         if not self._track.rate_hz:
             return sweep
-        if not are_covered(rates, 0.0, last_s):
+        rates = self._track.around(sweep)
+        if not are_covered(rates, *sweep.span_s):
             text = "turn rates of the IMU are late, have gaps, or have stamps of another clock"
             self._report("sweeps_without_turn_rates", text)
         try:

@@ -14,10 +14,12 @@ from rosbags.typesys.store import Typestore
 from mnsf_ros.errors import RecordingError
 
 POINTS_TOPIC: Final = "/points"
+IMU_TOPIC: Final = "/imu"
 TRUTH_FLOW_TOPIC: Final = "/truth/flow"
 TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+IMU_TYPE: Final = "sensor_msgs/msg/Imu"
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
 TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
 

@@ -2,7 +2,7 @@
 """Writing recordings as rosbag2 folders in mcap format, all or nothing."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -22,6 +22,7 @@ from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.recording.bag_files import new_folder
 from mnsf_ros.recording.bag_topics import (
     CLOUD_TYPE,
+    IMU_TYPE,
     ODOMETRY_FRAME,
     ODOMETRY_TYPE,
     POINTS_TOPIC,
@@ -219,6 +220,28 @@ class BagWriter:
             )
             raw = jazzy().serialize_cdr(message, ODOMETRY_TYPE)
         self.write_raw(topic, ODOMETRY_TYPE, stamp_ns, raw)
+
+    def write_turn_rate(
+        self, topic: str, rate: Sequence[float], stamp_ns: int, frame_id: str
+    ) -> None:
+        """Adds a turn rate, rad/s about x, y and z of the frame, as an IMU without all else.
+
+        Raises:
+            RecordingError: The stamp does not fit a ROS message, or writing fails.
+        """
+        with self._guarded():
+            nothing = np.array([-1.0, *np.zeros(8)])
+            message = ros.sensor_msgs__msg__Imu(
+                header=_header(stamp_ns, frame_id),
+                orientation=ros.geometry_msgs__msg__Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+                orientation_covariance=nothing,
+                angular_velocity=ros.geometry_msgs__msg__Vector3(*map(float, rate)),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=ros.geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
+                linear_acceleration_covariance=nothing,
+            )
+            raw = jazzy().serialize_cdr(message, IMU_TYPE)
+        self.write_raw(topic, IMU_TYPE, stamp_ns, raw)
 
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         self._writer = None

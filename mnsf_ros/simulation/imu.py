@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mnsf_ros.simulation.routes import SensorTrip
 
-RATE_HZ: Final = 200.0
+IMU_RATE_HZ: Final = 200.0
 # MPU-6000/MPU-6050, product specification 3.4, section 6.1: noise density, tolerance of the
 # sensitivity, and zero-rate output. The latter varies by 20 degrees/s over 60 K; a board that
 # warms up by 2 K a minute drifts by:
@@ -33,6 +33,6 @@ def turn_rates(
     true = Rotation.from_matrix(before.transpose(0, 2, 1) @ after).as_rotvec() / _STEP_S
     bias_deg_s = rng.uniform(-_BIAS_DEG_S, _BIAS_DEG_S, 3)
     drift_deg_s = np.outer(times_s, rng.normal(0.0, _DRIFT_DEG_S2, 3))
-    noise_deg_s = rng.normal(0.0, _NOISE_DEG_S_HZ * math.sqrt(RATE_HZ / 2), true.shape)
+    noise_deg_s = rng.normal(0.0, _NOISE_DEG_S_HZ * math.sqrt(IMU_RATE_HZ / 2), true.shape)
     sensitivity = 1.0 + rng.uniform(-_SENSITIVITY, _SENSITIVITY, 3)
     return sensitivity * true + np.radians(bias_deg_s + drift_deg_s + noise_deg_s)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.bag_topics import LIDAR_FRAME
+from mnsf_ros.recording.bag_topics import IMU_TOPIC, LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
+from mnsf_ros.simulation.imu import IMU_RATE_HZ, turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -22,6 +23,8 @@ from mnsf_ros.simulation.worlds import build_scene
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
+# The IMU is on before the first sweep, and after the last one.
+_IMU_LEAD_S = 0.2
 _ALL = (slice(None), slice(None))
 # Sweeps that can be taken beyond the end of the recording, as far as none are missing.
 _FURTHER_TURNS = 100
@@ -95,6 +98,16 @@ class SweepSimulator:
             columns["t"] = np.repeat(after_ns, [len(part["xyz"]) for part in taken])
         truth = FlowTruth(FIRST_STAMP_NS + round(time_s * 1e9), **arrays)
         return TrueSweep(xyz, truth, columns, self.scene.ego.world_from_sensor(time_s))
+
+    def turn_rates(self) -> NDArray[np.float64]:
+        """Returns the turn rates of an IMU on the lidar, from before the first sweep: (T, 4).
+
+        Columns are seconds as in `times_s`, then rad/s about x, y and z of the lidar.
+        """
+        end_s = self.times_s[self.num_sweeps - 1] + self.interval_s
+        times_s = np.arange(-_IMU_LEAD_S, end_s + _IMU_LEAD_S, 1.0 / IMU_RATE_HZ)
+        rng = np.random.default_rng([self._seed, 6])
+        return np.column_stack([times_s, turn_rates(self.scene.ego, times_s, rng)])
 
     def _measured(
         self, rays: Rays, time_s: float, next_s: float, rng: np.random.Generator
@@ -211,7 +224,11 @@ def write_recording(
         RecordingError: The recording cannot be written.
     """
     simulator = SweepSimulator(settings)
+    rates = simulator.turn_rates() if settings.imu else np.empty((0, 4))
     with BagWriter(path, overwrite=overwrite) as writer:
+        for time_s, *rate in rates.tolist():
+            stamp_ns = FIRST_STAMP_NS + round(time_s * 1e9)
+            writer.write_turn_rate(IMU_TOPIC, rate, stamp_ns, LIDAR_FRAME)
         for number, sweep in enumerate(simulator, start=1):
             # The last sweep has no next sweep in which its points could be found.
             valid = sweep.truth.valid & (number < simulator.num_sweeps)

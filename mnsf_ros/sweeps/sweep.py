@@ -55,12 +55,18 @@ class Sweep:
                 object.__setattr__(self, name, np.require(array, requirements=("C", "W")))
 
     @property
-    def middle_s(self) -> float:
-        """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
+    def span_s(self) -> tuple[float, float]:
+        """Seconds from the stamp to the first and to the last point; 0 if unknown."""
         times_s = self.times_s
         if times_s is None or len(times_s) == 0:
-            return 0.0
-        return (float(times_s.min()) + float(times_s.max())) / 2
+            return 0.0, 0.0
+        return float(times_s.min()), float(times_s.max())
+
+    @property
+    def middle_s(self) -> float:
+        """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
+        first_s, last_s = self.span_s
+        return (first_s + last_s) / 2
 
     @property
     def tilt(self) -> Mounting | None:
