@@ -24,6 +24,7 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
+IMU_HZ = 200.0
 # Identity of the program that simulates and keeps.
 _SOURCES = (*sorted(Path(simulation.__file__).parent.glob("*.py")), Path(__file__))
 _SIMULATOR = hashlib.sha256(b"".join(each.read_bytes() for each in _SOURCES)).hexdigest()[:12]
@@ -157,7 +158,7 @@ def _turning(simulator: SweepSimulator, sweeps: Iterable[TrueSweep]) -> Iterator
     """The sweeps with the turn rates of their IMU."""
     rates = (
         StampedRate(FIRST_STAMP_NS + round(time_s * 1e9), np.array(rate))
-        for time_s, *rate in simulator.turn_rates().tolist()
+        for time_s, *rate in simulator.turn_rates(IMU_HZ).tolist()
     )
     track = RateTrack(rates)
     for item in sweeps:

@@ -19,7 +19,7 @@ SCENARIOS = ("street", "random", "adverse", "standing", "turns")
 CONDITIONS = ("jitter", "gaps", "body", "walls", "wet", "fog", "kerbs", "lidar", "groups")
 _CONDITION_SHARE = 0.4
 _DRAWN = "drawn"
-_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions", "imu")
+_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions", "imu_hz")
 # Of a random world: names to shares, and to the lowest and highest speed.
 _PLACES = {"street": 0.35, "crossing": 0.2, "country road": 0.15, "square": 0.2, "tunnel": 0.1}
 _EGOS = {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
@@ -56,7 +56,7 @@ class SimulationSettings:
         "turns: random, with hard turns",
         choices=SCENARIOS,
     )
-    imu: bool = declared(False, "write the turn rates of an IMU of consumer grade on /imu, too")
+    imu_hz: float = declared(0.0, "turn rates of a cheap IMU per second on /imu, 0: none", 0, 1000)
     conditions: str = declared(_DRAWN, f"of adverse, with commas: {', '.join(CONDITIONS)}")
 
     def __post_init__(self) -> None:

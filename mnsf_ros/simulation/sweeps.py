@@ -14,7 +14,7 @@ from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.bag_topics import IMU_TOPIC, LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
-from mnsf_ros.simulation.imu import IMU_RATE_HZ, turn_rates
+from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -99,15 +99,17 @@ class SweepSimulator:
         truth = FlowTruth(FIRST_STAMP_NS + round(time_s * 1e9), **arrays)
         return TrueSweep(xyz, truth, columns, self.scene.ego.world_from_sensor(time_s))
 
-    def turn_rates(self) -> NDArray[np.float64]:
+    def turn_rates(self, rate_hz: float) -> NDArray[np.float64]:
         """Returns the turn rates of an IMU on the lidar, from before the first sweep: (T, 4).
 
-        Columns are seconds as in `times_s`, then rad/s about x, y and z of the lidar.
+        Columns are seconds as in `times_s`, then rad/s about x, y and z of the lidar. At 0 Hz there
+        are none.
         """
         end_s = self.times_s[self.num_sweeps - 1] + self.interval_s
-        times_s = np.arange(-_IMU_LEAD_S, end_s + _IMU_LEAD_S, 1.0 / IMU_RATE_HZ)
+        number = round((end_s + 2 * _IMU_LEAD_S) * rate_hz)
+        times_s = np.arange(number) / max(rate_hz, 1.0) - _IMU_LEAD_S
         rng = np.random.default_rng([self._seed, 6])
-        return np.column_stack([times_s, turn_rates(self.scene.ego, times_s, rng)])
+        return np.column_stack([times_s, turn_rates(self.scene.ego, times_s, rate_hz, rng)])
 
     def _measured(
         self, rays: Rays, time_s: float, next_s: float, rng: np.random.Generator
@@ -224,16 +226,22 @@ def write_recording(
         RecordingError: The recording cannot be written.
     """
     simulator = SweepSimulator(settings)
-    rates = simulator.turn_rates() if settings.imu else np.empty((0, 4))
+    rates = simulator.turn_rates(settings.imu_hz)
+    times_s = simulator.times_s[: simulator.num_sweeps]
+    parts = np.split(rates, np.searchsorted(rates[:, 0], times_s))
     with BagWriter(path, overwrite=overwrite) as writer:
-        for time_s, *rate in rates.tolist():
-            stamp_ns = FIRST_STAMP_NS + round(time_s * 1e9)
-            writer.write_turn_rate(IMU_TOPIC, rate, stamp_ns, LIDAR_FRAME)
-        for number, sweep in enumerate(simulator, start=1):
+        for number, (sweep, before) in enumerate(zip(simulator, parts, strict=False), start=1):
+            _write_turn_rates(writer, before)
             # The last sweep has no next sweep in which its points could be found.
             valid = sweep.truth.valid & (number < simulator.num_sweeps)
             true = replace(sweep, truth=replace(sweep.truth, valid=valid))
             writer.write_sweep(true, LIDAR_FRAME)
             if progress is not None:
                 progress(number, simulator.num_sweeps)
+        _write_turn_rates(writer, parts[-1])
     return simulator
+
+
+def _write_turn_rates(writer: BagWriter, rates: NDArray[np.float64]) -> None:
+    for time_s, *rate in rates.tolist():
+        writer.write_turn_rate(IMU_TOPIC, rate, FIRST_STAMP_NS + round(time_s * 1e9), LIDAR_FRAME)
