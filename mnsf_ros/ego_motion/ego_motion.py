@@ -223,6 +223,7 @@ class EgoMotion:
             # Odometry was lost just now: the map starts with the last sweep at its pose.
             self._map = self._map_of(last, world_from_last, self.motion_in(last))
         match = self._matched(self._map, last, world_from_last, sweep, expected)
+        turns = self._turns
         if turn is not None and not (match and fits(turn, match.motion[:3, :3])):
             self._turns = None
             guess = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns, None)
@@ -231,6 +232,7 @@ class EgoMotion:
             self._map, self._bending = match.map, match.bending
             self._map.add(match.cloud, match.found.pose)
             return match.motion, EgoSource.REGISTRATION, match.found.covariance
+        self._turns = turns
         pose = world_from_last if expected is None else expected.pose
         # The sweep does not match the map: a new map starts with this sweep, unless it has too
         # few points.

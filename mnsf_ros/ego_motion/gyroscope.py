@@ -18,8 +18,8 @@ from mnsf_ros.sweeps.sweep import Sweep
 _MIN_ANGLE: Final = np.radians(1.0)
 _MAX_SHARE: Final = 0.5
 _MAX_JUDGED: Final = 9
-# The bias is unknown before so many sweeps, and then a mean over so many at most: that of an
-# MPU-6050 drifts by 0.3 degrees/s a kelvin.
+# The bias is unknown before so many sweeps. It is a mean whose weights grow over so many: the first
+# sweeps are registered without rates, and that of an MPU-6050 drifts by 0.3 degrees/s a kelvin.
 _NUM_FIRST: Final = 3
 _MEMORY: Final = 50
 # Rotations in the table of a sweep.
@@ -69,7 +69,8 @@ class Gyroscope:
             self._fits.append(does_fit)
         if does_fit or not self._is_good:
             self._num_compared = min(self._num_compared + 1, _MEMORY)
-            self._bias = self._bias - missing / (end_s - start_s) / self._num_compared
+            gain = 2.0 / (self._num_compared + 1)
+            self._bias = self._bias - gain * missing / (end_s - start_s)
 
     @property
     def _is_good(self) -> bool:

@@ -55,10 +55,10 @@ def test_messages_without_rates_are_refused(message, text):
 
 
 def test_a_sweep_gets_the_rates_of_a_second_before_until_its_last_point():
-    rates = track_of(*range(0, 2000, 10)).around(sweep_at(1500, 0.1))
+    rates = track_of(*range(0, 2000, 10)).around(sweep_at(1500, 0.095))
     np.testing.assert_allclose(rates[[0, -1], 0], [-1.0, 0.1], atol=1e-9)
     np.testing.assert_allclose(rates[:, 1], 1500 + 1000 * rates[:, 0])
-    assert are_covered(rates, 0.0, 0.1)
+    assert are_covered(rates, 0.0, 0.095)
 
 
 @pytest.mark.parametrize(
