@@ -7,7 +7,7 @@
 Runs over random worlds with hard turns, see movers.py, each with and without its turn rates.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -41,26 +41,36 @@ def main() -> None:
 
     def measured() -> Iterator[Table]:
         scores = in_processes(_score, tasks, options.workers)
-        rows = {"without": scores[::2], "with": scores[1::2]}
         header = ["", "worlds", *_FIGURES.values()]
         title = f"Hard turns, seeds {seeds[0]} to {seeds[-1]}, `{options.method}`: mean/median"
-        yield Table(title, header, [[name, *_cells(own)] for name, own in rows.items()])
+        rows = []
+        for kind in (True, False):
+            own = [score for has_times, score in scores if has_times == kind]
+            name = "points have times" if kind else "sweeps of one moment"
+            # Each world without, and then with its IMU.
+            rows += [
+                [f"{name}, without IMU", *_cells(own[::2])],
+                [f"{name}, with", *_cells(own[1::2])],
+            ]
+        yield Table(title, header, rows)
 
     publish("imu", measured(), options.document)
 
 
-def _score(seed: int, has_imu: bool, method: str, cache: Path) -> WorldScore:
+def _score(seed: int, has_imu: bool, method: str, cache: Path) -> tuple[bool, WorldScore]:
+    """Whether points of a world have times, and its score."""
     world = kept_world(seed, DURATION_S, _SCENARIO, cache)
+    has_times = world.sweeps[0].sweep.times_s is not None
     if not has_imu:
         world = replace(world, sweeps=[_without_imu(each) for each in world.sweeps])
-    return world_score(world, _SCENARIO, method)
+    return has_times, world_score(world, _SCENARIO, method)
 
 
 def _without_imu(each: TrueSweep) -> TrueSweep:
     return replace(each, sweep=replace(each.sweep, turn_rates=None))
 
 
-def _cells(scores: list[WorldScore]) -> list[str]:
+def _cells(scores: Sequence[WorldScore]) -> list[str]:
     figures = [[one.figures[name] for one in scores] for name in _FIGURES]
     means = (f"{np.nanmean(each):.3f}/{np.nanmedian(each):.3f}" for each in figures)
     return [str(len(scores)), *means]
