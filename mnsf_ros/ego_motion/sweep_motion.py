@@ -116,6 +116,14 @@ class SweepMotion:
             moved[:, axis] += elapsed_s * np.float32(self.velocity[axis])
         return moved
 
+    def moved_back(
+        self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Returns static points (N, 3) of the moment as the sensor sees them at `times_s` (N,)."""
+        elapsed_s = times_s - np.float32(self.moment_s)
+        shift = elapsed_s[:, None] * self.velocity[:3].astype(np.float32)
+        return self.turned_back(xyz - shift, times_s)
+
     def turned_back(
         self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:

@@ -121,7 +121,7 @@ class ObjectFlowEstimator:
             table = table.put(table.followed_rows, track_ids=ids[table.groups[table.followed_rows]])
         with clock.stage("output"):
             over_ground = to_points(scene, table, tracks)
-            flow = flow_of(scene.current, over_ground)
+            flow = flow_of(scene, over_ground)
         return FlowEstimate(
             flow=flow,
             kept=scene.current.kept,

@@ -60,20 +60,27 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
     )
 
 
-def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32]:
+def flow_of(scene: Scene, over_ground: OverGround) -> NDArray[np.float32]:
     """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion.
 
     The own body stays where it is in the frame of the sensor.
     """
-    sweep, pose = current.sweep, current.pose
-    xyz, motion = sweep.xyz, over_ground.next_from_current
-    # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-    flow = transformed(xyz, motion - np.diag((1.0, 1.0, 1.0, 0.0)))
+    current, next_ = scene.current, scene.targets.near[0].sweep
+    xyz, times_s, motion = current.sweep.xyz, current.sweep.times_s, over_ground.next_from_current
     moving = np.flatnonzero(over_ground.dynamic)
     over_ground_motion = over_ground.motion[moving]
-    if pose.motion is not None and sweep.times_s is not None:
-        over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
-    flow[moving] += turned(over_ground_motion, motion[:3, :3])
+    bent, next_bent = current.pose.motion, next_.pose.motion
+    if times_s is not None and bent and next_bent and bent.turns and next_bent.turns:
+        # Each sweep has rotations of its own.
+        flow = next_bent.moved_back(transformed(current.xyz, motion), times_s) - xyz
+        moved_on = turned(over_ground_motion, motion[:3, :3])
+        flow[moving] += next_bent.turned_back(moved_on, times_s[moving])
+    else:
+        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
+        flow = transformed(xyz, motion - np.diag((1.0, 1.0, 1.0, 0.0)))
+        if bent is not None and times_s is not None:
+            over_ground_motion = bent.turned_back(over_ground_motion, times_s[moving])
+        flow[moving] += turned(over_ground_motion, motion[:3, :3])
     flow[current.own] = 0.0
     return flow
 
