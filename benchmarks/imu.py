@@ -1,13 +1,13 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What an IMU of consumer grade does for hard turns.
 
-    python benchmarks/imu.py [--seeds A B] [--method NAME] [--workers N] [--cache DIR]
-        [--document FILE]
+    python benchmarks/imu.py [--seeds A B] [--workers N] [--cache DIR] [--document FILE]
 
 Runs over random worlds with hard turns, see movers.py, each with and without its turn rates.
 """
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,64 +16,79 @@ import numpy as np
 from drives import TrueSweep, kept_world
 from frame import Table, make_parser, publish
 from movers import DURATION_S, add_world_options, in_processes
-from world_scores import WorldScore, world_score
+from scipy.spatial.transform import Rotation
+from world_scores import NUM_FIRST, scored
 
-_SCENARIO: Final = "turns"
+from mnsf_ros.ego_motion.ego_motion import EgoMotion
+from mnsf_ros.evaluation.summary import summarize
+from mnsf_ros.settings import EgoMotionSettings
+
+# Title to digits.
 _FIGURES: Final = {
-    "ego rotation": "ego rotation (degrees)",
-    "ego motion": "ego motion (m)",
-    "false movers": "false movers a sweep",
-    "recall": "recall",
-    "dynamic EPE": "EPE dynamic (m)",
-    "static EPE": "EPE static (m)",
-    "CPU": "CPU (ms)",
+    "rotation (degrees)": 3,
+    "horizontal (m)": 4,
+    "vertical (m)": 4,
+    "ego motion (ms)": 1,
+    "EPE static (m)": 3,
+    "EPE dynamic (m)": 3,
+    "false movers a sweep": 3,
 }
 
 
 def main() -> None:
     """Measures all worlds, prints the table, and writes it into a document."""
     parser = make_parser(__doc__)
-    add_world_options(parser, (700, 716))
-    parser.add_argument("--method", default="online", help="name")
+    add_world_options(parser, (700, 714))
     options = parser.parse_args()
     seeds = range(*options.seeds)
-    tasks = [(seed, imu, options.method, options.cache) for seed in seeds for imu in (False, True)]
+    tasks = [(seed, options.cache) for seed in seeds]
 
     def measured() -> Iterator[Table]:
-        scores = in_processes(_score, tasks, options.workers)
-        header = ["", "worlds", *_FIGURES.values()]
-        title = f"Hard turns, seeds {seeds[0]} to {seeds[-1]}, `{options.method}`: mean/median"
-        rows = []
-        for kind in (True, False):
-            own = [score for has_times, score in scores if has_times == kind]
-            name = "points have times" if kind else "sweeps of one moment"
-            # Each world without, and then with its IMU.
-            rows += [
-                [f"{name}, without IMU", *_cells(own[::2])],
-                [f"{name}, with", *_cells(own[1::2])],
-            ]
-        yield Table(title, header, rows)
+        figures = np.array(in_processes(_figures, tasks, options.workers))
+        rows = [[name, *_cells(figures[:, i])] for i, name in enumerate(("without IMU", "with"))]
+        title = f"Hard turns, seeds {seeds[0]} to {seeds[-1]}: mean/median over worlds"
+        yield Table(title, ["", *_FIGURES], rows)
 
     publish("imu", measured(), options.document)
 
 
-def _score(seed: int, has_imu: bool, method: str, cache: Path) -> tuple[bool, WorldScore]:
-    """Whether points of a world have times, and its score."""
-    world = kept_world(seed, DURATION_S, _SCENARIO, cache)
-    has_times = world.sweeps[0].sweep.times_s is not None
-    if not has_imu:
-        world = replace(world, sweeps=[_without_imu(each) for each in world.sweeps])
-    return has_times, world_score(world, _SCENARIO, method)
+def _figures(seed: int, cache: Path) -> list[list[float]]:
+    """Figures of a world without and with its IMU."""
+    world = kept_world(seed, DURATION_S, "turns", cache)
+    without = [replace(each, sweep=replace(each.sweep, turn_rates=None)) for each in world.sweeps]
+    return [
+        [*_ego_motion(each.sweeps), *_flow(each.sweeps)]
+        for each in (replace(world, sweeps=without), world)
+    ]
 
 
-def _without_imu(each: TrueSweep) -> TrueSweep:
-    return replace(each, sweep=replace(each.sweep, turn_rates=None))
+def _ego_motion(sweeps: list[TrueSweep]) -> list[float]:
+    """Mean errors of the motion between stamps, and CPU time."""
+    ego_motion, start_s = EgoMotion(EgoMotionSettings()), time.process_time()
+    found = [ego_motion.pose_of(each.sweep).world_from_stamp for each in sweeps]
+    time_ms = 1e3 * (time.process_time() - start_s) / len(sweeps)
+    true = [each.pose for each in sweeps]
+    errors = []
+    for i in range(NUM_FIRST, len(sweeps) - 1):
+        step, true_step = (np.linalg.inv(poses[i]) @ poses[i + 1] for poses in (found, true))
+        off = np.linalg.inv(true_step) @ step
+        angle_deg = np.degrees(Rotation.from_matrix(off[:3, :3]).magnitude())
+        errors.append((angle_deg, np.hypot(*off[:2, 3]), abs(off[2, 3])))
+    return [*np.mean(errors, axis=0), time_ms]
 
 
-def _cells(scores: Sequence[WorldScore]) -> list[str]:
-    figures = [[one.figures[name] for one in scores] for name in _FIGURES]
-    means = (f"{np.nanmean(each):.3f}/{np.nanmedian(each):.3f}" for each in figures)
-    return [str(len(scores)), *means]
+def _flow(sweeps: list[TrueSweep]) -> list[float]:
+    run = scored("online", sweeps, range(NUM_FIRST, len(sweeps) - 1))
+    summary = summarize(one.row for one in run).iloc[0]
+    names = ("errors.static.epe_m", "errors.dynamic.epe_m", "movers.ghosts_per_sweep")
+    return [float(summary[name]) for name in names]
+
+
+def _cells(figures: np.ndarray) -> list[str]:
+    return [
+        f"{np.nanmean(each):.{digits}f}/{np.nanmedian(each):.{digits}f}"
+        for each, digits in zip(figures.T, _FIGURES.values(), strict=True)
+    ]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ import pandas as pd
 from drives import TrueSweep, World
 from mover_kinds import mover_kinds
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.examples import Example
@@ -59,7 +58,6 @@ class Scored:
         confidence: (M,) of them.
         errors_m: (M,) end point errors of their flow.
         ego_error_m: Error of the translation of the ego motion.
-        ego_error_deg: Error of its rotation.
         own_body_moves: 1 if the own body is called a mover, 0 if not; NaN if it is out of view.
         cpu_ms: CPU time of the estimate.
     """
@@ -71,7 +69,6 @@ class Scored:
     confidence: NDArray[np.float32]
     errors_m: NDArray[np.float64]
     ego_error_m: float
-    ego_error_deg: float
     own_body_moves: float
     cpu_ms: float = math.nan
 
@@ -139,13 +136,11 @@ def _scored(
     off = np.linalg.inv(example.triplet.next_from_current) @ over_ground.next_from_current
     called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
     ego_error_m = float(np.linalg.norm(off[:3, 3]))
-    ego_error_deg = float(np.degrees(Rotation.from_matrix(off[:3, :3]).magnitude()))
     errors_m = end_point_errors(estimate.flow[rows], flow[rows])
     own_body = over_ground.dynamic[current.truth.class_id == SurfaceClass.OWN_BODY]
     own_body_moves = float(own_body.sum() >= _MIN_FALSE_POINTS) if len(own_body) else math.nan
-    ego_errors = ego_error_m, ego_error_deg
     return Scored(
-        row, truth, has_stopped, called, confidence, errors_m, *ego_errors, own_body_moves
+        row, truth, has_stopped, called, confidence, errors_m, ego_error_m, own_body_moves
     )
 
 
@@ -221,8 +216,6 @@ def world_score(world: World, scenario: str = "random", method: str = "online") 
         "pedestrians": summary.get("movers.pedestrians, to 30 m.found", math.nan),
         "velocity": summary["movers.velocity_error_m_s"],
         "ego motion": float(np.mean([one.ego_error_m for one in run])),
-        "ego rotation": float(np.mean([one.ego_error_deg for one in run])),
-        "CPU": float(np.mean([one.cpu_ms for one in run])),
         "own body moves": float(np.mean([one.own_body_moves for one in run])),
         "stops": len(held),
         "held": sum(held),

@@ -95,6 +95,8 @@ def build_scene(settings: SimulationSettings) -> StreetScene:
     draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
     sensor = sensor_under(sensor, draws)
+    if scenario.turns_deg_s is not None:
+        sensor = replace(sensor, is_rolling=True)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
     world = _World(scenario, duration_s, place, draws)
