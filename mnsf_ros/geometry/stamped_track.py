@@ -35,6 +35,9 @@ class StampedTrack(Generic[Item]):
         self._recorded = iter(recorded)
         self._items: deque[Item] = deque(maxlen=max_items)
 
+    def __len__(self) -> int:
+        return len(self._items)
+
     def add(self, item: Item) -> bool:
         """Adds an item; returns False and ignores it if it is not newer than the last one.
 
