@@ -8,16 +8,15 @@ from typing import Final
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_poses, recorded_sweeps
+from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps, recorded_track
 from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import TF_TOPIC
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-TF_TOPIC: Final = "/tf"
 _LEAST_SWEEPS: Final = 2
 
 
@@ -53,7 +52,7 @@ def examined(
     findings = Findings(input_check=check)
     with BagReader(recording.path) as reader:
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
-        poses = _poses(reader, recording, settings, findings)
+        poses = recorded_track(reader, recording.odometry, settings, findings)
         about = _about(reader, recording)
         _register(_first(sweeps, max_duration_s), poses, settings, check)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
@@ -78,15 +77,6 @@ def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
         "topic": f"{recording.points}, {recording.num_sweeps:,} clouds",
         "poses": poses,
     }
-
-
-def _poses(
-    reader: BagReader, recording: EvaluatedRecording, settings: Settings, findings: Findings
-) -> PoseTrack:
-    if recording.odometry is None:
-        return PoseTrack()
-    recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
-    return PoseTrack(recorded, sensor_mount(settings.ego_motion))
 
 
 def _first(sweeps: Iterable[Sweep | None], max_duration_s: float) -> Iterator[Sweep]:

@@ -17,6 +17,8 @@ POINTS_TOPIC: Final = "/points"
 IMU_TOPIC: Final = "/imu"
 TRUTH_FLOW_TOPIC: Final = "/truth/flow"
 TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
+TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
+TF_TOPIC: Final = "/tf"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 IMU_TYPE: Final = "sensor_msgs/msg/Imu"

@@ -1,18 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Simulated sweeps with their exact flow, and recordings of them."""
+"""Simulated sweeps with their exact flow."""
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.bag_topics import IMU_TOPIC, LIDAR_FRAME
-from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
@@ -209,39 +205,3 @@ class SweepSimulator:
         flow = apply(invert(ego.world_from_sensor(then)), moved) - points
         speed = np.linalg.norm(moved - world, axis=1) / (then - now)
         return flow.astype(np.float32), speed > DYNAMIC_SPEED_M_S
-
-
-def write_recording(
-    settings: SimulationSettings,
-    path: Path | str,
-    progress: Callable[[int, int], None] | None = None,
-    *,
-    overwrite: bool = False,
-) -> SweepSimulator:
-    """Simulates a recording, writes it with a BagWriter and returns its simulator.
-
-    After every sweep `progress` is called with the number of sweeps done and to do.
-
-    Raises:
-        RecordingError: The recording cannot be written.
-    """
-    simulator = SweepSimulator(settings)
-    rates = simulator.turn_rates(settings.imu_hz)
-    times_s = simulator.times_s[: simulator.num_sweeps]
-    parts = np.split(rates, np.searchsorted(rates[:, 0], times_s))
-    with BagWriter(path, overwrite=overwrite) as writer:
-        for number, (sweep, before) in enumerate(zip(simulator, parts, strict=False), start=1):
-            _write_turn_rates(writer, before)
-            # The last sweep has no next sweep in which its points could be found.
-            valid = sweep.truth.valid & (number < simulator.num_sweeps)
-            true = replace(sweep, truth=replace(sweep.truth, valid=valid))
-            writer.write_sweep(true, LIDAR_FRAME)
-            if progress is not None:
-                progress(number, simulator.num_sweeps)
-        _write_turn_rates(writer, parts[-1])
-    return simulator
-
-
-def _write_turn_rates(writer: BagWriter, rates: NDArray[np.float64]) -> None:
-    for time_s, *rate in rates.tolist():
-        writer.write_turn_rate(IMU_TOPIC, rate, FIRST_STAMP_NS + round(time_s * 1e9), LIDAR_FRAME)

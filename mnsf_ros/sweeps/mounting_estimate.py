@@ -50,7 +50,7 @@ class MountingEstimate:
         self._forget()
 
     def _forget(self) -> None:
-        self.text, self.fault = "unknown: no ground is seen", ""
+        self.text, self.fault = "unknown: no cloud yet", ""
         self._found: Mounting | None = None
         self._is_given = False
         self._num_sweeps = 0
@@ -73,9 +73,9 @@ class MountingEstimate:
             # Looked for again at the sweeps 2, 4, 8 ...: each look takes some 10 ms.
             if self._num_sweeps & (self._num_sweeps - 1) == 0:
                 self._look(sweep)
+        self.text = str(self._found or "unknown: no ground is seen")
         if self._found is None:
             return sweep
-        self.text = str(self._found)
         is_same = self._found is sweep.mounting or self._found.is_level
         return sweep if is_same else replace(sweep, mounting=self._found)
 
