@@ -4,13 +4,15 @@
 import argparse
 import json
 from contextlib import suppress
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
-from mnsf_ros.evaluation.examination import Examination, examined
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
 from mnsf_ros.input_check.finding import Severity
+
+if TYPE_CHECKING:
+    from mnsf_ros.evaluation.examination import Examination
 
 EXIT_FINDINGS: Final = 1
 _MARKS: Final = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
@@ -27,7 +29,7 @@ What is checked: docs/reliability.md.
 
 def add_doctor(arguments: Arguments) -> str:
     """Declares the arguments."""
-    arguments.recordings("bag BAG", "recording")
+    arguments.existing("bag BAG", "recording")
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, compared with the motion of the clouds")
     arguments.value("--duration-s S", "how much of the recording is read", duration, 60.0)
@@ -38,6 +40,8 @@ def add_doctor(arguments: Arguments) -> str:
 
 def run_doctor(options: argparse.Namespace) -> int:
     """Prints the examination; returns the exit status."""
+    from mnsf_ros.evaluation.examination import examined
+
     (recording,) = chosen_recordings([options.bag], options.points, options.odometry)
     found = examined(recording, chosen_settings(options), options.duration_s)
     (_print_json if options.json else _print_text)(recording, found)
@@ -56,7 +60,7 @@ def duration(text: str) -> float:
     raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0")
 
 
-def _print_text(recording: EvaluatedRecording, found: Examination) -> None:
+def _print_text(recording: EvaluatedRecording, found: "Examination") -> None:
     console = Console()
     width = max(map(len, found.facts), default=0)
     for name, text in found.facts.items():
@@ -73,7 +77,7 @@ def _print_text(recording: EvaluatedRecording, found: Examination) -> None:
         console.say(f"read: {note}")
 
 
-def _print_json(recording: EvaluatedRecording, found: Examination) -> None:
+def _print_json(recording: EvaluatedRecording, found: "Examination") -> None:
     findings = [
         {
             "severity": _MARKS[one.severity],

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node.node_log import FaultLog
@@ -25,6 +25,7 @@ from mnsf_ros.stream.pipeline import (
     TRIPLETS_UNWATCHED,
     StatisticsSnapshot,
 )
+from mnsf_ros.sweeps.kept_points import boxes_around
 from mnsf_ros.sweeps.sweep import Start
 
 CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
@@ -88,22 +89,11 @@ class Diagnostics:
     """Makes the statuses, and warns of silence and of findings in the input."""
 
     def __init__(
-        self,
-        node_name: str,
-        faults: FaultLog,
-        find_topics: Callable[[], Sequence[str]],
-        find_other_types: Callable[[Sequence[str]], Sequence[str]],
+        self, node_name: str, faults: FaultLog, cause_of_silence: Callable[[], str]
     ) -> None:
-        """Starts without any input.
-
-        Args:
-            node_name: Full name.
-            faults: Gets the warnings.
-            find_topics: Returns the published topics of clouds.
-            find_other_types: Returns a text for each of the topics that has no clouds.
-        """
+        """Starts without any input; `faults` gets the warnings. The name is the full one."""
         self._node_name, self._faults = node_name, faults
-        self._find_topics, self._find_other_types = find_topics, find_other_types
+        self._cause_of_silence = cause_of_silence
         start = _Moment(time.monotonic(), Counter())
         self._listens_since_s = start.time_s
         self._well = start  # the last moment with flow, or without a reason to expect any
@@ -182,9 +172,11 @@ class Diagnostics:
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
         )
-        silence_s = self._now_s - max(last_s, self._listens_since_s)
-        if level == _STALE and silence_s > limits.stale_after_s:
-            self._warn_of_silence(state.topic.split(", "), message, silence_s)
+        if level == _STALE:
+            message += f": {self._cause_of_silence()}"
+            silence_s = self._now_s - max(last_s, self._listens_since_s)
+            if silence_s > limits.stale_after_s:
+                self._faults.warn(message, f"{message} ({silence_s:.0f} s of silence)")
         values = {
             "topic": state.topic,
             "publishers": state.num_publishers,
@@ -197,16 +189,6 @@ class Diagnostics:
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)
-
-    def _warn_of_silence(self, own: Sequence[str], message: str, silence_s: float) -> None:
-        """Logs it once for each set of topics that are published instead."""
-        others, topics = self._find_other_types(own), ", ".join(self._find_topics())
-        if topics:
-            others = [*others, f"PointCloud2 topics that are published: {topics}"]
-        elif not others:
-            others = ["no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"]
-        advice = "; ".join(others)
-        self._faults.warn(f"silence {advice}", f"{message} for {silence_s:.0f} s; {advice}")
 
     def _flow_status(
         self, snapshot: StatisticsSnapshot, load: int, settings: Settings
@@ -318,7 +300,8 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
         "distance": newest.distance_kind,
         "precision": newest.precision,
         "start": newest.start.value,
-        "own body": _own_body(newest),
+        "own body": newest.own_body_text,
+        "own body boxes": boxes_around(newest.own_body),
         "cold starts, recent": sum(item.start is not Start.WARM for item in estimates),
         "effort": newest.effort.text,
         "with less effort, recent": sum(item.effort is not Effort.FULL for item in estimates),
@@ -330,11 +313,6 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
     for stage, reason in newest.stop_reasons.items():
         values[f"{stage} stop reason"] = reason
     return values
-
-
-def _own_body(estimate: FlowEstimate) -> str:
-    reach = f" within {estimate.own_reach_m:.1f} m" if estimate.num_own else ""
-    return f"{estimate.num_own} points{reach}"
 
 
 def _number(value: float) -> str:
