@@ -6,7 +6,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from mnsf_ros import simulation
 from mnsf_ros.datasets.kitti import KITTI
+from mnsf_ros.geometry.stamped_rate import StampedRate
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import SweepSimulator
+from mnsf_ros.simulation.sweeps import FIRST_STAMP_NS, SweepSimulator
+from mnsf_ros.sweeps.rate_track import RateTrack
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
+IMU_HZ = 200.0
 # Identity of the program that simulates and keeps.
 _SOURCES = (*sorted(Path(simulation.__file__).parent.glob("*.py")), Path(__file__))
 _SIMULATOR = hashlib.sha256(b"".join(each.read_bytes() for each in _SOURCES)).hexdigest()[:12]
@@ -108,11 +111,14 @@ def random_world(
 ) -> World:
     """Returns a random world; fewer sweeps are the first ones of more.
 
-    `scenario` is any but `street`, `conditions` those of an adverse world.
+    `scenario` is any but `street`, `conditions` those of an adverse world. With hard turns, sweeps
+    have turn rates.
     """
     settings = SimulationSettings(seed=seed, scenario=scenario, conditions=conditions)
     simulator = SweepSimulator(settings)
     sweeps = [_simulated(simulator, index) for index in range(num_sweeps)]
+    if scenario == "turns":
+        sweeps = list(_turning(simulator, sweeps))
     return World(seed, simulator.scene.sensor.kind, simulator.scene.text, sweeps)
 
 
@@ -146,6 +152,17 @@ def _simulated(simulator: SweepSimulator, index: int) -> TrueSweep:
     times_s = None if times_ns is None else (times_ns / 1e9).astype(np.float32)
     sweep = Sweep(item.xyz, item.truth.stamp_ns, "lidar", times_s=times_s)
     return TrueSweep(sweep, item.pose, item.truth)
+
+
+def _turning(simulator: SweepSimulator, sweeps: Iterable[TrueSweep]) -> Iterator[TrueSweep]:
+    """The sweeps with the turn rates of their IMU."""
+    rates = (
+        StampedRate(FIRST_STAMP_NS + round(time_s * 1e9), np.array(rate))
+        for time_s, *rate in simulator.turn_rates(IMU_HZ).tolist()
+    )
+    track = RateTrack(rates)
+    for item in sweeps:
+        yield replace(item, sweep=item.sweep.turning(track.around(item.sweep), np.eye(4)))
 
 
 def triplet_at(sweeps: Sequence[TrueSweep], index: int) -> SweepTriplet:

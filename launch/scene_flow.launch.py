@@ -43,6 +43,7 @@ ARGUMENTS = {
     ),
     "bag": ("", "recording that is played to the node, from when the node listens"),
     "odometry": ("odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
+    "imu": ("", "Imu topic of a gyroscope that is fixed to the lidar; empty: none"),
     "flow": ("", "another name for ~/flow, also of ~/flow/moving and ~/flow/standing"),
     "params_file": (
         PathJoinSubstitution([SHARE, "config", "online.yaml"]),
@@ -110,6 +111,8 @@ def _flow_node(given: dict[str, str]) -> Node:
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
     remappings = [*zip(own_names, topics, strict=False), ("~/odometry", given["odometry"])]
     several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
+    if given["imu"]:
+        remappings.append(("~/imu", given["imu"]))
     if given["flow"]:
         remappings += [(f"~/{name}", given["flow"] + name[4:]) for name in FLOW_TOPICS]
     has_life_cycle = given["lifecycle"] == "true"

@@ -127,6 +127,9 @@ class EgoMotionSettings:
     deskew: bool = declared(
         True, "Motion compensation to the middle of the sweep; disable for compensated clouds"
     )
+    imu: bool = declared(
+        True, "Use the turn rates of an IMU, as long as they fit registered rotations"
+    )
     max_range_m: float = declared(80.0, "Maximum range of points used for registration", 1, 1000)
     max_points: int = declared(
         65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000

@@ -2,21 +2,24 @@
 """Sensor poses of sweeps: from odometry if available, else by registration."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.covariance import (
     UNKNOWN_COVARIANCE,
     StepNoise,
     chained_covariance,
     step_covariance,
 )
+from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
 from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
-from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.ego_motion.sweep_motion import SweepMotion, Turns
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
@@ -92,6 +95,25 @@ class SensorPose:
         return self.motion.moved(sweep.xyz, sweep.times_s)
 
 
+@dataclass(frozen=True, eq=False)
+class _Match:
+    """A registered sweep.
+
+    Attributes:
+        found: Its pose.
+        motion: (4, 4) last_from_sweep.
+        cloud: Its points for the map.
+        map: The map that it was matched with; the sweep is not in it yet.
+        bending: The motion during the sweep and the ones after; None if not used.
+    """
+
+    found: Placed
+    motion: NDArray[np.float64]
+    cloud: Cloud | None
+    map: SweepMatcher
+    bending: SweepMotion | None
+
+
 class EgoMotion:
     """Chains the ego motion from sweep to sweep, so that a change of source causes no jump."""
 
@@ -108,6 +130,8 @@ class EgoMotion:
         # The same for all sweeps of a world, so that intervals are those of the stamps.
         self._moment_s: float | None = None
         self._bending: SweepMotion | None = None
+        self._gyroscope = Gyroscope(is_used=settings.imu)
+        self._turns: Turns | None = None  # of the last sweep
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
         """The pose of a sweep newer than all before. The first sweep is the origin."""
@@ -117,7 +141,9 @@ class EgoMotion:
 
     def motion_in(self, sweep: Sweep) -> SweepMotion | None:
         """The sensor's motion during a sweep, as far as it is known by now."""
-        return None if sweep.times_s is None else self._bending
+        if sweep.times_s is None or self._bending is None:
+            return None
+        return replace(self._bending, turns=self._turns if sweep is self._last else None)
 
     def _bent_by(
         self, sweep: Sweep, step: NDArray[np.float64], interval_ns: int
@@ -127,7 +153,8 @@ class EgoMotion:
             return None
         if self._moment_s is None:
             self._moment_s = sweep.middle_s
-        return SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
+        motion = SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
+        return replace(motion, turns=self._turns)
 
     def _start(self, sweep: Sweep) -> SensorPose:
         has_odometry = self._is_odometry_wanted and sweep.odometry is not None
@@ -137,14 +164,20 @@ class EgoMotion:
     def _next_pose(self, last: Sweep, sweep: Sweep) -> SensorPose:
         before = self._last_pose.world_from_sensor
         interval_ns = sweep.stamp_ns - last.stamp_ns
+        moment_s = self._moment_s or 0.0
+        interval_s = moment_s - interval_ns / NANOSECONDS, moment_s
+        self._turns = self._gyroscope.turns(sweep, moment_s)
         motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
-        expected = self._expected(before, interval_ns)
+        turn = self._gyroscope.turn(sweep, *interval_s)
+        expected = self._expected(before, interval_ns, turn)
         known: NDArray[np.float64] = np.zeros((6, 6))
         if motion is None:
-            motion, source, known = self._registered(last, before, sweep, expected)
+            motion, source, known = self._registered(last, before, sweep, expected, turn)
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
+        if source is not EgoSource.CONSTANT_VELOCITY:
+            self._gyroscope.learn(sweep, *interval_s, motion[:3, :3])
         # From an unknown pose, the motion to the next one is unknown, too.
         was_guessed = self._last_pose.source is EgoSource.CONSTANT_VELOCITY
         if source is not EgoSource.CONSTANT_VELOCITY and not (
@@ -180,23 +213,33 @@ class EgoMotion:
         world_from_last: NDArray[np.float64],
         sweep: Sweep,
         expected: Placed | None,
+        turn: NDArray[np.float64] | None,
     ) -> tuple[NDArray[np.float64], EgoSource, NDArray[np.float64]]:
-        """(4, 4) last_from_sweep, its source, and its covariance (6, 6) by the map."""
+        """(4, 4) last_from_sweep, its source, and its covariance (6, 6) by the map.
+
+        If the measured turn does not fit, the sweep is registered without it.
+        """
         if self._map is None:
             # Odometry was lost just now: the map starts with the last sweep at its pose.
             self._map = self._map_of(last, world_from_last, self.motion_in(last))
-        found = self._matched(self._map, last, world_from_last, sweep, expected)
-        source = EgoSource.REGISTRATION
-        if found is None:
-            source = EgoSource.CONSTANT_VELOCITY
-            pose = world_from_last if expected is None else expected.pose
-            found = Placed(pose, np.zeros((6, 6)))
-            # The sweep does not match the map: a new map starts with this sweep, unless it has too
-            # few points.
-            new_map = self._map_of(sweep, found.pose, self.motion_in(sweep))
-            self._map = self._map if new_map.is_empty else new_map
-        motion: NDArray[np.float64] = np.linalg.inv(world_from_last) @ found.pose
-        return motion, source, found.covariance
+        match = self._matched(self._map, last, world_from_last, sweep, expected)
+        turns = self._turns
+        if turn is not None and not (match and fits(turn, match.motion[:3, :3])):
+            self._turns = None
+            guess = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns, None)
+            match = self._matched(self._map, last, world_from_last, sweep, guess)
+        if match is not None:
+            self._map, self._bending = match.map, match.bending
+            self._map.add(match.cloud, match.found.pose)
+            return match.motion, EgoSource.REGISTRATION, match.found.covariance
+        self._turns = turns
+        pose = world_from_last if expected is None else expected.pose
+        # The sweep does not match the map: a new map starts with this sweep, unless it has too
+        # few points.
+        new_map = self._map_of(sweep, pose, self.motion_in(sweep))
+        self._map = self._map if new_map.is_empty else new_map
+        motion: NDArray[np.float64] = np.linalg.inv(world_from_last) @ pose
+        return motion, EgoSource.CONSTANT_VELOCITY, np.zeros((6, 6))
 
     def _matched(
         self,
@@ -205,7 +248,7 @@ class EgoMotion:
         world_from_last: NDArray[np.float64],
         sweep: Sweep,
         expected: Placed | None,
-    ) -> Placed | None:
+    ) -> "_Match | None":
         """The pose of a sweep by the map, near an expected one; None if nothing fits.
 
         With times of points, an unexpected motion changes the correction for the motion during the
@@ -227,25 +270,35 @@ class EgoMotion:
                 # The map has the last sweep uncorrected, because its motion was unknown.
                 map_ = self._map_of(last, world_from_last, refined)
             expected, bending = expected or Placed(found.pose, np.eye(6)), refined
-        if refined is not None:
-            self._bending = refined if bending is None else bending.towards(refined)
-        map_.add(cloud, found.pose)
-        self._map = map_
-        return found
+        if refined is None:
+            refined = self._bending
+        elif bending is not None:
+            refined = bending.towards(refined)
+        return _Match(found, motion, cloud, map_, refined)
 
-    def _expected(self, world_from_last: NDArray[np.float64], elapsed_ns: int) -> Placed | None:
-        """The pose at constant velocity; None if the velocity or the time is unknown."""
+    def _expected(
+        self,
+        world_from_last: NDArray[np.float64],
+        elapsed_ns: int,
+        turn: NDArray[np.float64] | None,
+    ) -> Placed | None:
+        """The pose at constant velocity and a measured turn (3, 3) or, without, constant turn rate.
+
+        None if the velocity or the time is unknown.
+        """
         if self._last_motion is None or elapsed_ns < 0:
             return None
         last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
         motion = interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
+        if turn is not None:
+            motion = _turning_by(turn, motion)
         elapsed_s = elapsed_ns / NANOSECONDS if elapsed_ns > 0 else USUAL_INTERVAL_S
-        turn = world_from_last[:3, :3]
+        axes = world_from_last[:3, :3]
         change_m = max(_ACCELERATION_M_S2 * elapsed_s**2, _LEAST_CHANGE_M)
         change = np.diag(np.square([change_m, change_m, _HEAVE_M]))
         covariance = intervals**2 * self._last_covariance
-        covariance[:3, :3] += turn @ change @ turn.T
+        covariance[:3, :3] += axes @ change @ axes.T
         return Placed(world_from_last @ motion, covariance)
 
     def _map_of(
@@ -287,6 +340,15 @@ def _fused(known: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
     both = np.linalg.inv(known[:3, :3]) + np.linalg.inv(expected[:3, :3])
     fused[:3, :3] = np.linalg.inv(both)
     return fused
+
+
+def _turning_by(turn: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The motion (4, 4) with another rotation (3, 3), and the same velocity along own axes."""
+    velocity = SweepMotion.of_step(motion, 1.0, 0.0).velocity[:3]
+    half = Rotation.from_rotvec(Rotation.from_matrix(turn).as_rotvec() / 2)
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = turn, half.apply(velocity)
+    return result
 
 
 def _origin() -> SensorPose:

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.compiled import compiled
+
 # Gains for a new motion, along x, y and z, and about them. A vehicle pitches, rolls and heaves on
 # its springs within a few sweeps: in these axes the last interval predicts little of the next one.
 _GAINS: Final = np.array([0.5, 0.5, 0.1, 0.1, 0.1, 0.5])
@@ -19,16 +21,46 @@ _MAX_DIFFERENCE_M: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
+class Turns:
+    """Measured rotations of the sensor during a sweep.
+
+    Attributes:
+        first_s: Seconds from the stamp to the first rotation; the others follow at even times.
+        last_s: Seconds to the last one.
+        table: (K, 3, 3) float64, each moment_from_sensor.
+        moment_from_stamp: (3, 3) float64, that of the stamp.
+    """
+
+    first_s: float
+    last_s: float
+    table: NDArray[np.float64]
+    moment_from_stamp: NDArray[np.float64]
+
+    def turned(
+        self, vectors: NDArray[np.float32], times_s: NDArray[np.float32], *, back: bool = False
+    ) -> NDArray[np.float32]:
+        """Returns vectors (N, 3) in axes of the sensor at (N,) `times_s` in axes of the moment.
+
+        Backwards, from axes of the moment to those of the sensor.
+        """
+        table = self.table.transpose(0, 2, 1) if back else self.table
+        span = self.first_s, self.last_s
+        return _turned_by(vectors, times_s, *span, np.ascontiguousarray(table, np.float32))
+
+
+@dataclass(frozen=True, eq=False)
 class SweepMotion:
-    """Motion of constant velocity and turn rate.
+    """Motion of constant velocity and, where rotations are not measured, turn rate.
 
     Attributes:
         velocity: (6,) float64 along x, y and z of the sensor in m/s, then about them in rad/s.
         moment_s: Seconds from the stamp of the sweep to the moment that points are corrected to.
+        turns: The measured rotations; None if there are none.
     """
 
     velocity: NDArray[np.float64]
     moment_s: float
+    turns: Turns | None = None
 
     @classmethod
     def of_step(
@@ -45,7 +77,10 @@ class SweepMotion:
     def moment_from_stamp(self) -> NDArray[np.float64]:
         """(4, 4) pose of the sensor at the stamp, in its frame at the moment."""
         pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_rotvec(-self.moment_s * self.velocity[3:]).as_matrix()
+        if self.turns is None:
+            pose[:3, :3] = Rotation.from_rotvec(-self.moment_s * self.velocity[3:]).as_matrix()
+        else:
+            pose[:3, :3] = self.turns.moment_from_stamp
         pose[:3, 3] = -self.moment_s * self.velocity[:3]
         return pose
 
@@ -53,12 +88,14 @@ class SweepMotion:
         """Whether two motions move the points of a sweep to about the same places."""
         difference = _GAINS / _GAINS.max() * (self.velocity - other.velocity) * _WITHIN_S
         shift_m, turn_rad = np.linalg.norm(difference[:3]), np.linalg.norm(difference[3:])
+        if self.turns is not None and other.turns is not None:
+            turn_rad = np.float64(0.0)
         return bool(shift_m + _FAR_M * turn_rad < _MAX_DIFFERENCE_M)
 
     def towards(self, newer: "SweepMotion") -> "SweepMotion":
         """Returns a weighted mean with a newer motion, so that noise does not distort sweeps."""
         change = _GAINS * (newer.velocity - self.velocity)
-        return SweepMotion(self.velocity + change, newer.moment_s)
+        return SweepMotion(self.velocity + change, newer.moment_s, newer.turns)
 
     def moved(self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns static points as seen at the moment.
@@ -71,15 +108,28 @@ class SweepMotion:
             (N, 3) metres, frame of the sensor at the moment.
         """
         elapsed_s = times_s - np.float32(self.moment_s)
-        moved = self._turned(xyz, elapsed_s)
+        if self.turns is None:
+            moved = self._turned(xyz, elapsed_s)
+        else:
+            moved = self.turns.turned(xyz, times_s)
         for axis in range(3):
             moved[:, axis] += elapsed_s * np.float32(self.velocity[axis])
         return moved
+
+    def moved_back(
+        self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Returns static points (N, 3) of the moment as the sensor sees them at `times_s` (N,)."""
+        elapsed_s = times_s - np.float32(self.moment_s)
+        shift = elapsed_s[:, None] * self.velocity[:3].astype(np.float32)
+        return self.turned_back(xyz - shift, times_s)
 
     def turned_back(
         self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Returns vectors (N, 3), given in axes of the moment, in sensor axes at `times_s` (N,)."""
+        if self.turns is not None:
+            return self.turns.turned(vectors, times_s, back=True)
         return self._turned(vectors, np.float32(self.moment_s) - times_s)
 
     def _turned(
@@ -105,3 +155,29 @@ class SweepMotion:
             column += along * axes[axis]
             result[:, axis] = column
         return result
+
+
+@compiled("float32[:, ::1](float32[:, :], float32[:], float64, float64, float32[:, :, ::1])")
+def _turned_by(
+    vectors: NDArray[np.float32],
+    times_s: NDArray[np.float32],
+    first_s: float,
+    last_s: float,
+    table: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """(N, 3) each vector turned by the rotation at its time, linear between those of a table."""
+    result = np.empty((len(vectors), 3), np.float32)
+    last = len(table) - 1
+    scale = last / (last_s - first_s) if last_s > first_s else 0.0
+    for row in range(len(vectors)):
+        place = min(max((times_s[row] - first_s) * scale, 0.0), float(last))
+        number = min(int(place), last - 1)
+        share = np.float32(place - number)
+        x, y, z = vectors[row, 0], vectors[row, 1], vectors[row, 2]
+        for axis in range(3):
+            before = table[number, axis, 0] * x + table[number, axis, 1] * y
+            before += table[number, axis, 2] * z
+            after = table[number + 1, axis, 0] * x + table[number + 1, axis, 1] * y
+            after += table[number + 1, axis, 2] * z
+            result[row, axis] = before + share * (after - before)
+    return result

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps, truth and poses of a recording, read together as they were received.
+"""Sweeps, truth, poses and turn rates of a recording, read together as they were received.
 
 What is noticed on the way is counted in Findings.
 """
@@ -19,13 +19,16 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
-from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount, transform_matrix
+from mnsf_ros.geometry.stamped_rate import StampedRate
+from mnsf_ros.geometry.transforms import sensor_mount, transform_matrix
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import TF_TYPE
+from mnsf_ros.recording.bag_topics import IMU_TYPE, TF_TYPE
 from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.recording.static_frames import StaticFrames
 from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.rate_track import RateTrack, are_covered
 from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
@@ -74,6 +77,12 @@ class Event(str, Enum):
         "sweeps whose frame has its origin on or below the ground, not at the lidar: set "
         "lidars.frame to this frame, and lidar_1.x_m to lidar_1.z_m to the place of the lidar in it"
     )
+    SWEEPS_WITHOUT_RATES = (
+        "sweeps without turn rates: those of the IMU have gaps, or stamps of another clock"
+    )
+    IMU_UNPLACED = (
+        "sweeps whose IMU is not used: /tf_static does not connect its frame with that of clouds"
+    )
     FRAMES_DIFFER = (
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
         "sensor_yaw_deg to where the sensor is mounted"
@@ -105,7 +114,7 @@ class Findings:
             self.damages.setdefault(damage)
 
 
-Item = TypeVar("Item", Sweep, StampedPose, "TruthCloud")
+Item = TypeVar("Item", Sweep, StampedPose, StampedRate, "TruthCloud")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +138,9 @@ def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
     """Yields the sweeps of `recorded_clouds` without their messages: `source` is a CloudRows."""
+    imu = _RecordedImu(reader, settings, findings)
     for parts in _recorded_revolutions(reader, topic, settings, findings):
-        yield _with_rows(parts, recording) if parts else None
+        yield imu.turning(_with_rows(parts, recording)) if parts else None
 
 
 def recorded_clouds(
@@ -140,8 +150,38 @@ def recorded_clouds(
 
     None marks a gap; findings collect damage.
     """
+    imu = _RecordedImu(reader, settings, findings)
     for parts in _recorded_revolutions(reader, topic, settings, findings):
-        yield revolution_sweep(parts) if parts else None
+        yield imu.turning(revolution_sweep(parts)) if parts else None
+
+
+class _RecordedImu:
+    """Adds turn rates to sweeps: of the first IMU whose rotation to the lidar is known."""
+
+    def __init__(self, reader: BagReader, settings: Settings, findings: Findings) -> None:
+        is_used = settings.ego_motion.imu
+        topics = [name for name, one in reader.topics.items() if one.has_messages(IMU_TYPE)]
+        self._tracks = [
+            RateTrack(_decoded(reader, topic, findings, lambda imu, _: StampedRate.of(imu)))
+            for topic in topics
+            if is_used
+        ]
+        self._frames = StaticFrames(reader) if self._tracks else None
+        self._findings = findings
+
+    def turning(self, sweep: Sweep) -> Sweep:
+        """Returns the sweep with its turn rates, if they are known."""
+        if self._frames is None:
+            return sweep
+        for track in self._tracks:
+            rates = track.around(sweep)
+            pose = self._frames.find(sweep.frame_id, track.frame_id)
+            if pose is not None:
+                is_covered = are_covered(rates, *sweep.span_s)
+                self._findings.count(Event.SWEEPS_WITHOUT_RATES, int(not is_covered))
+                return sweep.turning(rates, pose)
+        self._findings.count(Event.IMU_UNPLACED)
+        return sweep
 
 
 def _recorded_revolutions(
@@ -199,10 +239,6 @@ def recorded_poses(
     """
     child = ""
 
-    def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
-        stamp_ns = decode_stamp(message.header.stamp)
-        return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
-
     def transform_of(message: Any, _: int) -> StampedPose | None:  # noqa: ANN401 - a TFMessage
         nonlocal child
         for one in message.transforms:
@@ -216,7 +252,7 @@ def recorded_poses(
 
     if reader.topics[topic].msgtype == TF_TYPE:
         return _decoded(reader, topic, findings, transform_of)
-    return _decoded(reader, topic, findings, pose_of)
+    return _decoded(reader, topic, findings, lambda message, _: StampedPose.of(message))
 
 
 def recorded_track(

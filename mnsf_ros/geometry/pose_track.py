@@ -2,16 +2,21 @@
 """Recent poses, and the pose at the stamp of a sweep."""
 
 from bisect import bisect_left, bisect_right
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import interpolated_pose
+from mnsf_ros.geometry.stamped_track import StampedTrack
+from mnsf_ros.geometry.transforms import interpolated_pose, pose_matrix
+from msg_utils.errors import MessageError
+from msg_utils.stamps import decode_stamp
+
+# Any object with the attributes of nav_msgs/Odometry.
+OdometryLike: TypeAlias = Any
 
 _MAX_POSES: Final = 2000
 # For a robot that brakes with 4 m/s² the interpolation is then off by 0.045 m.
@@ -21,8 +26,6 @@ _MAX_GAP_NS: Final = 300_000_000
 _MAX_AHEAD_NS: Final = 100_000_000
 # ... from poses this far apart: the noise of neighbouring poses would grow on the way.
 _MIN_BASE_NS: Final = 50_000_000
-# A stamp this much older than the last one means that the clock jumped, as when a bag loops.
-_JUMP_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +42,24 @@ class StampedPose:
     world_from_frame: NDArray[np.float64]
     frame_id: str = ""
 
+    @classmethod
+    def of(cls, message: OdometryLike) -> "StampedPose":
+        """Returns the pose of a nav_msgs/Odometry.
+
+        Raises:
+            MessageError: It has no stamp, or no pose that can be.
+        """
+        stamp_ns = decode_stamp(message.header.stamp)
+        if stamp_ns == 0:
+            raise MessageError("no stamp, expected the time of the pose")
+        return cls(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
+
 
 _STAMP: Final = attrgetter("stamp_ns")
 
 
-class PoseTrack:
-    """The last 2000 poses, interpolated at any stamp. Not safe for several threads.
-
-    Live poses come by `add`; those of a recording are read as far ahead as a stamp needs them.
-    """
+class PoseTrack(StampedTrack[StampedPose]):
+    """The last 2000 poses, interpolated at any stamp."""
 
     def __init__(
         self, recorded: Iterable[StampedPose | None] = (), mount: NDArray[np.float64] | None = None
@@ -59,21 +71,8 @@ class PoseTrack:
             mount: (4, 4) frame_from_sensor in the moving frame of the poses; None if the poses are
                 those of the sensor.
         """
-        self._recorded = iter(recorded)
+        super().__init__(recorded, _MAX_POSES)
         self._mount = None if mount is None or np.array_equal(mount, np.eye(4)) else mount
-        self._poses: deque[StampedPose] = deque(maxlen=_MAX_POSES)
-
-    def add(self, pose: StampedPose) -> bool:
-        """Adds a pose; returns False and ignores it if it is not newer than the last one.
-
-        A pose more than a second older means that the clock jumped: all earlier poses are dropped.
-        """
-        if self._is_newest_after(pose.stamp_ns + _JUMP_NS):
-            self._poses.clear()
-        if self._is_newest_after(pose.stamp_ns - 1):
-            return False
-        self._poses.append(pose)
-        return True
 
     def pose_at(self, stamp_ns: int) -> StampedPose | None:
         """Returns the pose of the sensor at a stamp; None without poses near it.
@@ -81,33 +80,18 @@ class PoseTrack:
         Between poses up to 0.3 s apart it is interpolated, up to 0.1 s after a pose extrapolated.
         The pose of a mounted sensor has no frame_id.
         """
-        while not self._is_newest_after(stamp_ns - 1) and self._read_one():
-            pass
+        self.read_until(stamp_ns)
         pose = self._found(stamp_ns)
         if pose is None or self._mount is None:
             return pose
         return StampedPose(stamp_ns, pose.world_from_frame @ self._mount)
 
-    def _is_newest_after(self, stamp_ns: int) -> bool:
-        return bool(self._poses) and self._poses[-1].stamp_ns > stamp_ns
-
-    def _read_one(self) -> bool:
-        """Reads a recorded pose; returns False at the end."""
-        for pose in self._recorded:
-            if pose is None:
-                # The motion is unknown where poses are missing.
-                self._poses.clear()
-            else:
-                self.add(pose)
-            return True
-        return False
-
     def _found(self, stamp_ns: int) -> StampedPose | None:
-        after = bisect_left(self._poses, stamp_ns, key=_STAMP)
-        if after == len(self._poses):
+        after = bisect_left(self._items, stamp_ns, key=_STAMP)
+        if after == len(self._items):
             return self._extrapolated(after - 1, stamp_ns)
-        if self._poses[after].stamp_ns == stamp_ns:
-            return self._poses[after]
+        if self._items[after].stamp_ns == stamp_ns:
+            return self._items[after]
         if after == 0:
             return None
         if self._gap_ns(after - 1, after) > _MAX_GAP_NS:
@@ -118,8 +102,8 @@ class PoseTrack:
         """Returns the pose shortly after the last one, if another one is near before that."""
         if last < 1:
             return None
-        last_ns = self._poses[last].stamp_ns
-        base = bisect_right(self._poses, last_ns - _MIN_BASE_NS, key=_STAMP) - 1
+        last_ns = self._items[last].stamp_ns
+        base = bisect_right(self._items, last_ns - _MIN_BASE_NS, key=_STAMP) - 1
         if base < 0 or self._gap_ns(base, last) > _MAX_GAP_NS:
             # There is a gap, or nothing, before the poses just before.
             base += 1
@@ -129,10 +113,10 @@ class PoseTrack:
         return self._on_line(base, last, stamp_ns)
 
     def _gap_ns(self, first: int, second: int) -> int:
-        return self._poses[second].stamp_ns - self._poses[first].stamp_ns
+        return self._items[second].stamp_ns - self._items[first].stamp_ns
 
     def _on_line(self, first: int, second: int, stamp_ns: int) -> StampedPose:
-        before, after = self._poses[first], self._poses[second]
+        before, after = self._items[first], self._items[second]
         share = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = interpolated_pose(before.world_from_frame, after.world_from_frame, share)
         return StampedPose(stamp_ns, pose, after.frame_id)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.mounting import Mounting
 from mnsf_ros.input_check.no_returns import NoReturns
 from mnsf_ros.input_check.odometry_fit import OdometryFit
@@ -56,7 +57,6 @@ class InputCheck:
         self.num_sweeps = 0
         self._lock = threading.Lock()
         mounting = Mounting(settings)
-        self._odometry = OdometryFit(settings.ego_motion)
         self._assumptions: tuple[Assumption, ...] = (
             CloudLayout(),
             Revolution(),
@@ -66,7 +66,8 @@ class InputCheck:
             mounting,
             OwnBody(mounting, settings.crop.min_range_m),
         )
-        self._all: tuple[Assumption, ...] = (*self._assumptions, self._odometry)
+        self._by_registration: tuple[Assumption, ...] = (OdometryFit(settings.ego_motion), ImuFit())
+        self._all: tuple[Assumption, ...] = (*self._assumptions, *self._by_registration)
         self._waiting: dict[int, NDArray[np.float64]] = {}
         self._last: Located | None = None
 
@@ -103,10 +104,10 @@ class InputCheck:
     def findings(self) -> list[Finding]:
         """What does not hold, the worst first.
 
-        Odometry is judged by registration, which other errors spoil: they come first.
+        Odometry and IMU are judged by registration, which other errors spoil: they come first.
         """
         with self._lock:
             found = [finding for one in self._assumptions for finding in one.findings()]
             if not any(finding.severity is Severity.ERROR for finding in found):
-                found += self._odometry.findings()
+                found += [finding for one in self._by_registration for finding in one.findings()]
         return sorted(found, key=lambda finding: -finding.severity)

@@ -36,7 +36,8 @@ _LOGGER_NAME = "scene_flow"
 _DESCRIPTION = """\
 Estimates the scene flow of a lidar: how every point of each sweep moves.
 
-  in   ~/points (sensor_msgs/PointCloud2), ~/odometry (nav_msgs/Odometry, if asked for)
+  in   ~/points (sensor_msgs/PointCloud2), ~/imu (sensor_msgs/Imu, where there is one),
+       ~/odometry (nav_msgs/Odometry, if asked for)
   out  ~/flow, ~/flow/moving, ~/flow/standing, ~/objects, ~/predicted, ~/ego_motion,
        /diagnostics"""
 _LIFE_CYCLE = """

@@ -74,6 +74,7 @@ class InputState:
     num_namesakes: int = 0  # other nodes of the same name
     num_parts: int = 1  # clouds in the last revolution
     mounting: str = "unknown"
+    imu: str = "none"  # its frame and rate
     misplaced: str = ""  # why the origin of the clouds is not at the lidar; empty if it may be
 
 
@@ -184,6 +185,7 @@ class Diagnostics:
             "time of each point": state.times or "unknown",
             "clouds of a revolution": state.num_parts,
             "mounting": state.mounting,
+            "imu": state.imu,
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)
@@ -286,7 +288,7 @@ def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:
     return {
         event: count
         for event, count in sorted(snapshot.counts.items())
-        if event.startswith(("sweeps_", "clouds_")) == of_input
+        if event.startswith(("sweeps_", "clouds_", "imu_")) == of_input
     }
 
 

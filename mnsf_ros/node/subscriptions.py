@@ -1,34 +1,41 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The subscriptions to the lidars and, where the settings ask for it, to the robot's odometry."""
+"""The subscriptions to the lidars, an IMU, and the robot's odometry if the settings ask for it."""
 
 import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, Final, Generic, TypeAlias, TypeVar
 
+import numpy as np
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Imu, PointCloud2
 
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
-from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
+from mnsf_ros.geometry.stamped_rate import StampedRate
+from mnsf_ros.geometry.stamped_track import Stamped, StampedTrack
+from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.node.cloud_topics import CloudSearch, cloud_class, fault_of
 from mnsf_ros.node.diagnostics import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, SWEEPS_LOST
 from mnsf_ros.node.environment import advice_on_lost_clouds
-from mnsf_ros.node.transforms import Transforms
+from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings
+from mnsf_ros.sweeps.rate_track import RateTrack, are_covered
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.errors import MessageError
 from msg_utils.other_clouds import as_cloud
-from msg_utils.stamps import decode_stamp
 
 # Callbacks only decode and hand over, so waiting messages mean a short stall, not a queue.
 _DEPTH = 5
+# An IMU sends 200 messages and more a second, also while a cloud is decoded.
+_TRACK_QOS: Final = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 # The reliability is a parameter of its own, because it changes.
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
@@ -47,6 +54,7 @@ _MISSED = (
 # Counts an event, which has happened as often as its optional last argument says, and logs its
 # text now and then.
 Report: TypeAlias = Callable[..., None]
+Item = TypeVar("Item", bound=Stamped)
 
 
 class MissedClouds:
@@ -216,14 +224,56 @@ def decoded(
     return sweep
 
 
-class OdometrySubscription:
+class TrackSubscription(Generic[Item]):
+    """Remembers stamped messages of a topic while they are wanted; counts those that are skipped.
+
+    Attributes:
+        track: What is remembered.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        message_type: type[Any],
+        decode: Callable[[Any], Item],
+        report: Report,
+    ) -> None:
+        """Remembers nothing yet; `decode` raises MessageError for messages that are skipped."""
+        self._node, self._topic, self._message_type = node, topic, message_type
+        self._decode, self._report = decode, report
+        self._name = topic.removeprefix("~/")
+        self._subscription: Any = None
+
+    def remember(self, track: StampedTrack[Item], *, is_wanted: bool) -> None:
+        """Remembers in another track from now on; subscribes if messages are wanted."""
+        self.track = track
+        if is_wanted and self._subscription is None:
+            self._subscription = self._node.create_subscription(
+                self._message_type, self._topic, self._on_message, _TRACK_QOS
+            )
+        elif not is_wanted and self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _on_message(self, message: Any) -> None:  # noqa: ANN401 - of any type
+        try:
+            item = self._decode(message)
+        except MessageError as error:
+            self._report(
+                f"{self._name}_undecodable", f"a message on {self._topic} is skipped: {error}"
+            )
+            return
+        if not self.track.add(item):
+            text = f"a message on {self._topic} is skipped: its stamp is not after the last one"
+            self._report(f"{self._name}_out_of_order", text)
+
+
+class OdometryInput:
     """Remembers odometry, and adds the pose of the sensor to sweeps."""
 
-    def __init__(self, node: Node, topic: str, report: Report) -> None:
-        self._node = node
-        self._topic = topic
-        self._report = report
-        self._subscription: Any = None
+    def __init__(self, node: Node, report: Report) -> None:
+        self._messages = TrackSubscription(node, "~/odometry", Odometry, StampedPose.of, report)
         self._transforms: Transforms | None = None
         self._track = PoseTrack()
 
@@ -234,14 +284,7 @@ class OdometrySubscription:
         """
         self._transforms = transforms if settings.sensor_pose == "tf" else None
         self._track = PoseTrack(mount=None if self._transforms else sensor_mount(settings))
-        is_wanted = settings.source == "odometry"
-        if is_wanted and self._subscription is None:
-            self._subscription = self._node.create_subscription(
-                Odometry, self._topic, self._on_message, qos_profile_sensor_data
-            )
-        elif not is_wanted and self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
+        self._messages.remember(self._track, is_wanted=settings.source == "odometry")
 
     def located(self, sweep: Sweep) -> Sweep:
         """Returns the sweep with the sensor's pose by odometry, if that is known.
@@ -259,15 +302,45 @@ class OdometrySubscription:
             )
         return replace(sweep, odometry=world_from_sensor)
 
-    def _on_message(self, message: Odometry) -> None:
+
+class ImuInput:
+    """Remembers the turn rates of an IMU, and adds them to sweeps."""
+
+    def __init__(self, node: Node, report: Report) -> None:
+        self._node, self._report = node, report
+        self._messages = TrackSubscription(node, "~/imu", Imu, StampedRate.of, report)
+        self._track = RateTrack()
+        # Only an IMU of another frame than the clouds needs them.
+        self._transforms: Transforms | None = None
+
+    def change_settings(self, settings: EgoMotionSettings) -> None:
+        """Applies other settings, subscribes or unsubscribes; earlier rates are forgotten."""
+        self._track = RateTrack()
+        self._messages.remember(self._track, is_wanted=settings.imu)
+
+    @property
+    def text(self) -> str:
+        """Frame and rate in words."""
+        frame_id, rate_hz = self._track.frame_id, self._track.rate_hz
+        return f"{rate_hz:.0f} Hz, frame {frame_id!r}" if rate_hz else "none"
+
+    def turning(self, sweep: Sweep) -> Sweep:
+        """Returns the sweep with its turn rates, if they and the rotation of the IMU are known."""
+        if not self._track.rate_hz:
+            return sweep
+        rates = self._track.around(sweep)
+        if not are_covered(rates, *sweep.span_s):
+            text = "turn rates of the IMU are late, have gaps, or have stamps of another clock"
+            self._report("sweeps_without_turn_rates", text)
         try:
-            stamp_ns = decode_stamp(message.header.stamp)
-            if stamp_ns == 0:
-                raise MessageError("no stamp, expected the time of the pose")
-            pose = StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
-        except MessageError as error:
-            self._report("odometry_undecodable", f"an odometry message is skipped: {error}")
-            return
-        if not self._track.add(pose):
-            text = f"an odometry message is skipped: stamp {stamp_ns} is not after the last one"
-            self._report("odometry_out_of_order", text)
+            return sweep.turning(rates, self._sensor_from_imu(sweep.frame_id, self._track.frame_id))
+        except (TransformError, SettingsError) as error:
+            self._report("imu_without_transform", f"{error}; the IMU is ignored")
+            return sweep
+
+    def _sensor_from_imu(self, sensor: str, imu: str) -> NDArray[np.float64]:
+        if sensor.lstrip("/") == imu.lstrip("/"):
+            return np.eye(4)
+        if self._transforms is None:
+            self._transforms = Transforms(self._node, f"an IMU in the frame {imu!r}")
+        return self._transforms.find(sensor, imu)

@@ -19,7 +19,13 @@ from std_msgs.msg import Header
 from mnsf_ros.geometry.transforms import mounted_at
 from mnsf_ros.node.cloud_topics import cloud_topics, unusable_topics
 from mnsf_ros.node.diagnostics import InputState
-from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
+from mnsf_ros.node.subscriptions import (
+    ImuInput,
+    InputSubscription,
+    OdometryInput,
+    Report,
+    decoded,
+)
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.mounting import Mounting
@@ -45,7 +51,7 @@ _JUMP_NS: Final = NANOSECONDS
 
 
 class SweepInput:
-    """Subscribes to lidars, odometry and transforms; hands out sweeps in their order.
+    """Subscribes to lidars, IMU, odometry and transforms; hands out sweeps in their order.
 
     A sweep waits for its transform, and later sweeps behind it, at most for `tf.timeout_s`.
 
@@ -75,14 +81,15 @@ class SweepInput:
         self._node, self._report, self._on_sweep = node, report, on_sweep
         self._on_break = on_break
         self._times_source = ""
-        self._odometry = OdometrySubscription(node, "~/odometry", report)
+        self._odometry = OdometryInput(node, report)
+        self._imu = ImuInput(node, report)
         self._waiting: deque[ArrivedSweep] = deque()
         self._revolutions = [Revolutions() for _ in range(settings.lidars.count)]
         self._num_parts = 1
         self._last_ns = 0
         self._mountings: dict[str, Mounting] = {}  # by frame_id
-        # They need neither odometry nor transforms.
-        self._settings = Settings()
+        # They need neither odometry, nor an IMU, nor transforms.
+        self._settings = Settings().changed({"ego_motion.imu": False})
         self.change_settings(settings)
         self._timer = node.create_timer(
             _POLL_PERIOD_S, self._release, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -107,6 +114,7 @@ class SweepInput:
             () if self._merging is None else self._merging.missing,
             self._node.get_node_names_and_namespaces().count(own) - 1,
             num_parts=self._num_parts,
+            imu=self._imu.text,
         )
 
     @property
@@ -142,7 +150,7 @@ class SweepInput:
         is_same = settings.ego_motion == self._settings.ego_motion
         self._settings = settings
         if not is_same:
-            self._odometry.change_settings(settings.ego_motion, self.transforms)
+            self._change_ego_motion()
 
     def reset(self) -> None:
         """Forgets all waiting sweeps and earlier poses."""
@@ -151,7 +159,12 @@ class SweepInput:
         self._revolutions = [Revolutions() for _ in self._revolutions]
         if self._merging is not None:
             self._merging.clear()
-        self._odometry.change_settings(self._settings.ego_motion, self.transforms)
+        self._change_ego_motion()
+
+    def _change_ego_motion(self) -> None:
+        settings = self._settings.ego_motion
+        self._odometry.change_settings(settings, self.transforms)
+        self._imu.change_settings(settings)
 
     def _subscribed(self, index: int) -> InputSubscription:
         return InputSubscription(
@@ -213,7 +226,7 @@ class SweepInput:
             if sweep is None:
                 return
             self._waiting.popleft()
-            self._on_sweep(self._mounted(sweep), first.arrived_ns)
+            self._on_sweep(self._imu.turning(self._mounted(sweep)), first.arrived_ns)
 
     def _mounted(self, sweep: Sweep) -> Sweep:
         """The sweep with the mounting of its lidar by TF, if that is known; it is kept."""

@@ -124,7 +124,7 @@ class ObjectFlowEstimator:
             table = table.with_tracks(track_ids)
         with clock.stage("output"):
             over_ground = to_points(scene, table, tracks)
-            flow = flow_of(scene.current, over_ground)
+            flow = flow_of(scene, over_ground)
         return FlowEstimate(
             flow=flow,
             kept=scene.current.kept,

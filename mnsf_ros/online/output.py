@@ -61,20 +61,35 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
     )
 
 
-def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32]:
+def flow_of(scene: Scene, over_ground: OverGround) -> NDArray[np.float32]:
     """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion.
 
     The own body stays where it is in the frame of the sensor.
     """
-    sweep, during_sweep = current.input, current.pose.motion
+    current, next_ = scene.current, scene.targets.next.sweep
+    xyz, times_s = current.input.xyz, current.input.times_s
     next_from_current = over_ground.next_from_current
-    # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-    flow = transformed(sweep.xyz, next_from_current - np.diag((1.0, 1.0, 1.0, 0.0)))
     dynamic_rows = np.flatnonzero(over_ground.dynamic)
     object_motion = over_ground.motion[dynamic_rows]
-    if during_sweep is not None and sweep.times_s is not None:
-        object_motion = during_sweep.turned_back(object_motion, sweep.times_s[dynamic_rows])
-    flow[dynamic_rows] += turned(object_motion, next_from_current[:3, :3])
+    during_sweep, during_next = current.pose.motion, next_.pose.motion
+    if (
+        times_s is not None
+        and during_sweep
+        and during_next
+        and during_sweep.turns
+        and during_next.turns
+    ):
+        # Each sweep has rotations of its own.
+        there = transformed(current.xyz, next_from_current)
+        flow = during_next.moved_back(there, times_s) - xyz
+        moved_on = turned(object_motion, next_from_current[:3, :3])
+        flow[dynamic_rows] += during_next.turned_back(moved_on, times_s[dynamic_rows])
+    else:
+        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
+        flow = transformed(xyz, next_from_current - np.diag((1.0, 1.0, 1.0, 0.0)))
+        if during_sweep is not None and times_s is not None:
+            object_motion = during_sweep.turned_back(object_motion, times_s[dynamic_rows])
+        flow[dynamic_rows] += turned(object_motion, next_from_current[:3, :3])
     flow[current.own] = 0.0
     return flow
 

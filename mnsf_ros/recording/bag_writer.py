@@ -262,6 +262,22 @@ class BagWriter:
             markers = objects_markers(Messages("visualization_msgs"), header, objects)
         self.write_message(f"{topic}/markers", markers, stamp_ns)
 
+    def write_turn_rate(
+        self, topic: str, rate: Sequence[float], stamp_ns: int, frame_id: str
+    ) -> None:
+        """Adds a turn rate, rad/s about x, y and z of the frame, as an IMU without all else.
+
+        Raises:
+            RecordingError: The stamp does not fit a ROS message, or writing fails.
+        """
+        with self._guarded():
+            message = Messages("sensor_msgs").Imu(header=_header(stamp_ns, frame_id))
+            vector = message.angular_velocity
+            vector.x, vector.y, vector.z = rate
+            for unknown in ("orientation_covariance", "linear_acceleration_covariance"):
+                setattr(message, unknown, np.array([-1.0, *np.zeros(8)]))
+        self.write_message(topic, message, stamp_ns)
+
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         self._writer = None
         if kind is None and not self._connections:

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.bag_topics import LIDAR_FRAME, ODOMETRY_FRAME, TRUTH_OBJECTS_TOPIC
+from mnsf_ros.recording.bag_topics import (
+    IMU_TOPIC,
+    LIDAR_FRAME,
+    ODOMETRY_FRAME,
+    TRUTH_OBJECTS_TOPIC,
+)
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.bodies import Body
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import SweepSimulator
+from mnsf_ros.simulation.sweeps import FIRST_STAMP_NS, SweepSimulator
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _ROBOT_FRAME = "base_link"
@@ -42,8 +47,12 @@ def write_recording(
         RecordingError: The recording cannot be written.
     """
     simulator = SweepSimulator(settings)
+    rates = simulator.turn_rates(settings.imu_hz)
+    times_s = simulator.times_s[: simulator.num_sweeps]
+    parts = np.split(rates, np.searchsorted(rates[:, 0], times_s))
     with BagWriter(path, overwrite=overwrite) as writer:
-        for number, sweep in enumerate(simulator, start=1):
+        for number, (sweep, before) in enumerate(zip(simulator, parts, strict=False), start=1):
+            _write_turn_rates(writer, before)
             # The last sweep has no next sweep in which its points could be found.
             valid = sweep.truth.valid & (number < simulator.num_sweeps)
             true = replace(sweep, truth=replace(sweep.truth, valid=valid))
@@ -55,7 +64,14 @@ def write_recording(
                 _write_robot(writer, simulator, number - 1, stamp_ns)
             if progress is not None:
                 progress(number, simulator.num_sweeps)
+        _write_turn_rates(writer, parts[-1])
     return simulator
+
+
+def _write_turn_rates(writer: BagWriter, rates: NDArray[np.float64]) -> None:
+    for time_s, *rate in rates.tolist():
+        stamp_ns = FIRST_STAMP_NS + round(time_s * NANOSECONDS)
+        writer.write_turn_rate(IMU_TOPIC, rate, stamp_ns, LIDAR_FRAME)
 
 
 def _write_robot(writer: BagWriter, simulator: SweepSimulator, number: int, stamp_ns: int) -> None:

@@ -14,12 +14,12 @@ from mnsf_ros.setting import check_declared, declared, settings_of
 Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", "random", "adverse", "standing")
+SCENARIOS = ("street", "random", "adverse", "standing", "turns")
 # Of adverse worlds, see conditions.py and docs/recordings.md; each world has some of them.
 CONDITIONS = ("jitter", "gaps", "body", "walls", "wet", "fog", "kerbs", "lidar", "groups")
 _CONDITION_SHARE = 0.4
 _DRAWN = "drawn"
-_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions")
+_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions", "imu_hz")
 # Of a random world: names to shares, and to the lowest and highest speed.
 _PLACES = {"street": 0.35, "crossing": 0.2, "country road": 0.15, "square": 0.2, "tunnel": 0.1}
 _EGOS = {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
@@ -52,9 +52,11 @@ class SimulationSettings:
     ego_speed_m_s: float = declared(8.0, "speed of the vehicle with the lidar", 0, 20)
     scenario: str = declared(
         "street",
-        "random: drawn lidar, place, traffic; adverse: with conditions; standing: no movers",
+        "random: drawn lidar, place, traffic; adverse: with conditions; standing: no movers; "
+        "turns: random, with hard turns",
         choices=SCENARIOS,
     )
+    imu_hz: float = declared(0.0, "turn rates of a cheap IMU per second on /imu, 0: none", 0, 1000)
     conditions: str = declared(_DRAWN, f"of adverse, with commas: {', '.join(CONDITIONS)}")
 
     def __post_init__(self) -> None:
@@ -87,6 +89,7 @@ class Scenario(NamedTuple):
     reach_m: tuple[float, float] = (-35.0, 55.0)  # from behind to ahead, where traffic begins
     level: float = 0.7  # share of places without a slope
     conditions: frozenset[str] = frozenset()  # some of `CONDITIONS`
+    turns_deg_s: tuple[float, float] | None = None  # lowest and highest peak of weaving
 
 
 def scenario_of(settings: SimulationSettings) -> Scenario:
@@ -95,6 +98,14 @@ def scenario_of(settings: SimulationSettings) -> Scenario:
         return Scenario()
     if settings.scenario == "standing":
         return Scenario(numbers={0: 1.0})
+    if settings.scenario == "turns":
+        # Robots turn on the spot with 60 to 120 degrees/s, hands with more.
+        return Scenario(
+            egos={"on foot": 0.5, "driving": 0.5},
+            speeds_m_s={"on foot": (0.5, 1.8), "driving": (3.0, 8.0)},
+            behaviours={"steady": 1.0},
+            turns_deg_s=(60.0, 200.0),
+        )
     if settings.scenario == "adverse":
         return Scenario(conditions=frozenset(_conditions(settings)))
     # Oncoming traffic is met until the end.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
+from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -18,6 +19,8 @@ from mnsf_ros.simulation.worlds import build_scene
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
+# The IMU is on before the first sweep, and after the last one.
+_IMU_LEAD_S = 0.2
 _ALL = (slice(None), slice(None))
 # Sweeps that can be taken beyond the end of the recording, as far as none are missing.
 _FURTHER_TURNS = 100
@@ -91,6 +94,18 @@ class SweepSimulator:
             columns["t"] = np.repeat(after_ns, [len(part["xyz"]) for part in taken])
         truth = FlowTruth(FIRST_STAMP_NS + round(time_s * 1e9), **arrays)
         return TrueSweep(xyz, truth, columns, self.scene.ego.world_from_sensor(time_s))
+
+    def turn_rates(self, rate_hz: float) -> NDArray[np.float64]:
+        """Returns the turn rates of an IMU on the lidar, from before the first sweep: (T, 4).
+
+        Columns are seconds as in `times_s`, then rad/s about x, y and z of the lidar. At 0 Hz there
+        are none.
+        """
+        end_s = self.times_s[self.num_sweeps - 1] + self.interval_s
+        number = round((end_s + 2 * _IMU_LEAD_S) * rate_hz)
+        times_s = np.arange(number) / max(rate_hz, 1.0) - _IMU_LEAD_S
+        rng = np.random.default_rng([self._seed, 6])
+        return np.column_stack([times_s, turn_rates(self.scene.ego, times_s, rate_hz, rng)])
 
     def _measured(
         self, rays: Rays, time_s: float, next_s: float, rng: np.random.Generator

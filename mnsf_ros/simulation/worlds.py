@@ -62,6 +62,11 @@ _POSTS: Final[tuple[Maker, ...]] = (
 )
 _PARKED: Final[tuple[Maker, ...]] = (models.car, models.car, models.car, models.van, models.lorry)
 _ON_SQUARE: Final[tuple[Maker, ...]] = (*_POSTS, *_PARKED, models.hedge, models.shelter)
+# Limits of weaving: of vehicles by their tyres, aside, and across the street (60 degrees).
+_TYRES_M_S2: Final = 8.0
+_WEAVE_M: Final = 2.5
+_WEAVE_SLOPE: Final = math.tan(math.radians(60.0))
+_WEAVE_STEP_M: Final = 0.02
 # Pitch (rad), roll (rad) and heave (m) of a car on its springs, and sway of others over that.
 _SWAY: Final = np.array([0.0020, 0.0015, 0.010])
 _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
@@ -90,6 +95,8 @@ def build_scene(settings: SimulationSettings) -> StreetScene:
     draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
     sensor = sensor_under(sensor, draws)
+    if scenario.turns_deg_s is not None:
+        sensor = replace(sensor, is_rolling=True)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
     world = _World(scenario, duration_s, place, draws)
@@ -164,6 +171,9 @@ class _World:
         beside = on_foot and street.half_width_m < 10 and self._place != "tunnel"
         lateral = -street.half_width_m - 1.7 if beside and rng.uniform() < 0.6 else -LANE_LATERAL_M
         route = street.lane(lateral, forward=True)
+        if self._scenario.turns_deg_s is not None:
+            turn_rad_s = math.radians(rng.uniform(*self._scenario.turns_deg_s))
+            route = self._weaving(lateral, min(turn_rad_s, _TYRES_M_S2 / self._speed_m_s))
         profile = draw_profile(self._speed_m_s, self._scenario.behaviours, rng)
         at_m = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), lateral)[0, 1]))
         shaken = _SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
@@ -173,6 +183,14 @@ class _World:
         spread = 0.08 if rng.uniform() < 0.2 else 0.015
         mounting = (rng.normal(0.0, spread), rng.normal(0.0, spread / 2), height_m)
         return SensorTrip(Trip.starting_at(route, profile, at_m), sway, mounting)
+
+    def _weaving(self, lateral: float, turn_rad_s: float) -> Route:
+        """The lane at a lateral offset in sine waves: the peak of the turn rate is given."""
+        curvature = turn_rad_s / self._speed_m_s
+        amplitude_m = min(_WEAVE_M, _WEAVE_SLOPE**2 / curvature)
+        wave = math.sqrt(curvature / amplitude_m)
+        x = np.arange(self._street.start_x, self._street.end_x, _WEAVE_STEP_M)
+        return self._street.route(x, lateral + amplitude_m * np.sin(wave * x))
 
     def _things_at_rest(self, rng: np.random.Generator) -> Iterator[Body]:
         """Yields everything at rest."""

@@ -33,6 +33,8 @@ class Sweep:
         times_s: (N,) float32, seconds from the stamp to the measurement of each point, negative
             before it. None if unknown: the sweep counts as taken in one moment.
         mounting: How the sensor is mounted; None if unknown, or level.
+        turn_rates: (K, 4) float64, turn rates by an IMU in the order of time, from before the sweep
+            to its end: seconds from the stamp, then rad/s about x, y and z. None without an IMU.
     """
 
     xyz: NDArray[np.float32]
@@ -43,6 +45,7 @@ class Sweep:
     kept: NDArray[np.bool_] | None = None
     times_s: NDArray[np.float32] | None = None
     mounting: Mounting | None = None
+    turn_rates: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
@@ -52,12 +55,18 @@ class Sweep:
                 object.__setattr__(self, name, np.require(array, requirements=("C", "W")))
 
     @property
-    def middle_s(self) -> float:
-        """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
+    def span_s(self) -> tuple[float, float]:
+        """Seconds from the stamp to the first and to the last point; 0 if unknown."""
         times_s = self.times_s
         if times_s is None or len(times_s) == 0:
-            return 0.0
-        return (float(times_s.min()) + float(times_s.max())) / 2
+            return 0.0, 0.0
+        return float(times_s.min()), float(times_s.max())
+
+    @property
+    def middle_s(self) -> float:
+        """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
+        first_s, last_s = self.span_s
+        return (first_s + last_s) / 2
 
     @property
     def tilt(self) -> Mounting | None:
@@ -77,12 +86,22 @@ class Sweep:
     def _levelled(self) -> "Sweep":
         mounting, odometry = self.mounting, self.odometry
         assert mounting is not None  # noqa: S101 - see `levelled`
-        return replace(
+        levelled = replace(
             self,
             xyz=transformed(self.xyz, mounting.level_from_sensor),
             odometry=None if odometry is None else odometry @ mounting.sensor_from_level,
             mounting=None,
         )
+        return levelled.turning(self.turn_rates, mounting.level_from_sensor)
+
+    def turning(
+        self, turn_rates: NDArray[np.float64] | None, sensor_from_imu: NDArray[np.float64]
+    ) -> "Sweep":
+        """Returns the sweep with turn rates (K, 4) about the axes of an IMU, which is at (4, 4)."""
+        if turn_rates is None:
+            return self
+        about_own = turn_rates[:, 1:] @ sensor_from_imu[:3, :3].T
+        return replace(self, turn_rates=np.column_stack([turn_rates[:, :1], about_own]))
 
     @property
     def kept_xyz(self) -> NDArray[np.float32]:

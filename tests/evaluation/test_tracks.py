@@ -337,3 +337,70 @@ def test_sectors_are_revolutions_with_the_truth_of_their_parts(tmp_path):
         np.testing.assert_allclose(sweep.times_s, seconds, atol=1e-6)
         expected = np.concatenate([truth.flow for _, truth in parts])
         np.testing.assert_array_equal(truth.flow, expected)
+
+
+def write_static(writer, parent, child, turn=(0.0, 0.0, 0.0, 1.0)):
+    """A transform on /tf_static, without a shift."""
+    header = ros.std_msgs__msg__Header(ros.builtin_interfaces__msg__Time(0, 0), parent)
+    place = ros.geometry_msgs__msg__Vector3(0.0, 0.0, 0.0)
+    pose = ros.geometry_msgs__msg__Transform(place, ros.geometry_msgs__msg__Quaternion(*turn))
+    one = ros.geometry_msgs__msg__TransformStamped(header, child, pose)
+    raw = jazzy().serialize_cdr(ros.tf2_msgs__msg__TFMessage([one]), TF_TYPE)
+    writer.write_raw("/tf_static", TF_TYPE, small.stamp(0), raw)
+
+
+def imu_recording(path, *transforms):
+    """Three sweeps, an IMU of 100 Hz in the frame `imu`, and static transforms."""
+    with BagWriter(path) as writer:
+        for index in range(3):
+            points = encode_columns(dict(zip("xyz", small.xyz(index).T, strict=True)), 1, 60)
+            writer.write_cloud("/points", points, small.stamp(index), "lidar")
+        for number in range(-3, 40):
+            stamp_ns = small.stamp(0) + number * 10_000_000
+            writer.write_turn_rate("/imu/data", (0.1, 0.2, 0.3), stamp_ns, "imu")
+        for transform in transforms:
+            write_static(writer, *transform)
+    return path
+
+
+HALF_TURN = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("transforms", "expected"),
+    [
+        ([("base", "lidar"), ("base", "plate"), ("plate", "/imu", HALF_TURN)], [0.1, -0.2, -0.3]),
+        ([("imu", "lidar", HALF_TURN)], [0.1, -0.2, -0.3]),
+        ([("base", "lidar"), ("other", "imu")], None),
+        ([("base", "lidar"), ("base", "imu", (0.0, 0.0, 0.0, np.nan))], None),
+        ([("lidar", "base"), ("base", "lidar"), ("plate", "imu"), ("imu", "plate")], None),
+        ([], None),
+    ],
+)
+def test_turn_rates_are_turned_by_static_transforms(tmp_path, transforms, expected):
+    path = imu_recording(tmp_path / "drive", *transforms)
+    findings, off = Findings(), Settings().changed({"ego_motion.imu": False})
+    with BagReader(path) as reader:
+        sweeps = list(recorded_sweeps(reader, "/points", "drive", Settings(), findings))
+        without = list(recorded_sweeps(reader, "/points", "drive", off, Findings()))
+    assert all(sweep.turn_rates is None for sweep in without)
+    if expected is None:
+        assert all(sweep.turn_rates is None for sweep in sweeps)
+        assert findings.counts == {Event.IMU_UNPLACED: 3}
+        return
+    assert findings.counts == {}
+    for number, sweep in enumerate(sweeps):
+        np.testing.assert_allclose(sweep.turn_rates[:, 1:], (4 + 10 * number) * [expected])
+        np.testing.assert_allclose(sweep.turn_rates[-1, 0], 0.0, atol=1e-9)
+
+
+def test_sweeps_after_the_end_of_an_imu_are_counted(tmp_path):
+    with BagWriter(tmp_path / "drive") as writer:
+        for index in range(3):
+            points = encode_columns(dict(zip("xyz", small.xyz(index).T, strict=True)), 1, 60)
+            writer.write_cloud("/points", points, small.stamp(index), "lidar")
+        writer.write_turn_rate("/imu", (0.0, 0.0, 0.0), small.stamp(0), "lidar")
+    findings = Findings()
+    with BagReader(tmp_path / "drive") as reader:
+        list(recorded_sweeps(reader, "/points", "drive", Settings(), findings))
+    assert findings.counts == {Event.SWEEPS_WITHOUT_RATES: 2}

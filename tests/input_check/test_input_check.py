@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.settings import Settings, TimeSettings
+from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep
@@ -241,3 +243,41 @@ def test_points_and_times_of_any_size_are_taken(factor):
         check.locate(sweep, pose, "registration")
         check.facts()
     assert all(finding.remedy for finding in check.findings())
+
+
+@cache
+def weaving():
+    """Sweeps with turn rates, and their poses; the points hardly matter."""
+    settings = SimulationSettings(seed=2, scenario="turns", duration_s=2.5)
+    simulator = SweepSimulator(settings)
+    ego, times_s = simulator.scene.ego, np.arange(25) / 10
+    turns_s = np.arange(-1.0, 2.6, 0.005)
+    rates = turn_rates(ego, turns_s, 200.0, np.random.default_rng(0))
+    return [
+        (time_s, ego.world_from_sensor(time_s), np.column_stack([turns_s - time_s, rates]))
+        for time_s in times_s
+    ]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (lambda rates: rates, None),
+        (lambda rates: rates * [1, *3 * [180 / np.pi]], "degrees/s"),
+        (lambda rates: rates * [1, -1, -1, -1], "correlation of -"),
+        (lambda rates: rates[:, [0, 2, 3, 1]], "contradict the clouds"),
+        (lambda rates: rates[:0], None),
+    ],
+    ids=["good", "degrees", "negative", "other axes", "none"],
+)
+def test_turn_rates_that_contradict_the_clouds_are_said(spoil, text):
+    check, cloud = InputCheck(Settings()), street()[0]
+    for time_s, pose, rates in weaving():
+        stamped = replace(cloud, stamp_ns=10**18 + round(time_s * 1e9)).sweep
+        check.add(stamped)
+        check.locate(stamped.turning(spoil(rates), np.eye(4)), pose, "registration")
+    (imu,) = (one for one in check._by_registration if isinstance(one, ImuFit))
+    found = [str(finding) for finding in imu.findings()]
+    assert bool(found) == (text is not None)
+    assert text is None or text in found[0]
+    assert ("IMU" in check.facts()) == (text is None and len(spoil(weaving()[0][2])) > 0)

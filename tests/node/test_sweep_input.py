@@ -18,7 +18,7 @@ from moving_boxes import surfaces
 from nav_msgs.msg import Odometry
 from node_harness import QUICK, Spinner, stamp_of
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Imu, PointCloud2
 from std_msgs.msg import Header
 from synthetic_clouds import column, over_ground, xyz_columns, xyz_message
 
@@ -67,9 +67,9 @@ class Tf2(types.ModuleType):
 
     def lookup_transform(self, target, source, stamp):
         message = TransformStamped()
+        message.transform.translation.x = self.found[target, source, stamp.nanoseconds]
         turn = message.transform.rotation
         turn.x, turn.w = (1.0, 0.0) if self.is_upside_down else (0.0, 1.0)
-        message.transform.translation.x = self.found[target, source, stamp.nanoseconds]
         return message
 
 
@@ -92,7 +92,7 @@ class Input(Spinner):
 
     def advertised(self, message_type, topic):
         """A publisher that the input hears."""
-        publisher = self.node.create_publisher(message_type, topic, 10)
+        publisher = self.node.create_publisher(message_type, topic, 100)
         self.spin_until(lambda: publisher.get_subscription_count() == 1, f"a subscriber of {topic}")
         return publisher
 
@@ -255,6 +255,73 @@ def test_odometry_that_is_invalid_or_not_newer_is_left_out_and_counted(make, dri
     lidar.publish(drive.sweep(3))
     lidar.wait_for_sweeps(1)
     np.testing.assert_array_equal(lidar.sweeps[0].odometry, np.eye(4))
+
+
+class TestImu:
+    """Turn rates on ~/imu, in the frame of the cloud."""
+
+    @staticmethod
+    def send(it, publisher, drive, rates, frame_id="imu", first_ms=-20, step_ms=10):
+        """Rates, from a time after the first sweep on; waits until they are there."""
+        track, before = it.input._imu._track, len(it.input._imu._track) + len(it.events)
+        for number, rate in enumerate(rates):
+            message = Imu()
+            ahead_ns = (first_ms + number * step_ms) * 1_000_000
+            stamp = message.header.stamp
+            stamp.sec, stamp.nanosec = divmod(drive.stamp_ns(0) + ahead_ns, 10**9)
+            message.header.frame_id = frame_id
+            message.orientation_covariance[0] = -1.0
+            vector = message.angular_velocity
+            vector.x, vector.y, vector.z = rate
+            publisher.publish(message)
+        number = before + len(rates)
+        it.spin_until(lambda: len(track) + len(it.events) == number, "the turn rates")
+
+    def test_is_turned_by_its_place_and_ignored_without_one(self, make, tf2, drive):
+        it = make()
+        it.publish(drive.sweep(0))
+        it.wait_for_sweeps(1)
+        assert it.input.state.imu == "none"
+        publisher = it.advertised(Imu, "~/imu")
+        self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)])
+        it.publish(drive.sweep(1))
+        it.wait_for_sweeps(2)
+        tf2.found["lidar", "imu", 0], tf2.is_upside_down = 0.0, True
+        it.publish(drive.sweep(1.1))
+        it.wait_for_sweeps(3)
+        without, unplaced, placed = it.sweeps
+        assert without.turn_rates is unplaced.turn_rates is None
+        assert it.events == ["imu_without_transform"]
+        np.testing.assert_allclose(placed.turn_rates[:, 1:], 14 * [[0.1, -0.2, -0.3]], atol=1e-9)
+        np.testing.assert_allclose(placed.turn_rates[-1, 0], 0.0, atol=1e-3)
+        assert it.input.state.imu == "100 Hz, frame 'imu'"
+
+    def test_of_the_frame_of_the_lidar_needs_no_transforms(self, make, drive):
+        it = make()
+        publisher = it.advertised(Imu, "~/imu")
+        self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)], frame_id="lidar")
+        it.publish(drive.sweep(1))
+        it.wait_for_sweeps(1)
+        np.testing.assert_allclose(it.sweeps[0].turn_rates[0, 1:], [0.1, 0.2, 0.3])
+
+    def test_bad_messages_are_left_out_and_counted(self, make, drive):
+        it = make()
+        publisher = it.advertised(Imu, "~/imu")
+        rates = [(0.0, 0.0, 0.1), (np.nan, 0.0, 0.0), (0.0, 0.0, 0.1)]
+        self.send(it, publisher, drive, rates, frame_id="lidar", step_ms=0)
+        assert it.events == ["imu_undecodable", "imu_out_of_order"]
+        self.send(it, publisher, drive, 8 * [(0.0, 0.0, 0.1)], frame_id="lidar", first_ms=10)
+        it.events.clear()
+        # The rates end long before this sweep.
+        it.publish(drive.sweep(3))
+        it.wait_for_sweeps(1)
+        assert it.events == ["sweeps_without_turn_rates"]
+
+    def test_can_be_switched_off(self, make):
+        it = make(ego_motion__imu=False)
+        publisher = it.node.create_publisher(Imu, "~/imu", 10)
+        it.spin_for(0.1)
+        assert publisher.get_subscription_count() == 0
 
 
 class TestSeveralLidars:

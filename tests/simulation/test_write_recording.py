@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from recorded_truth import read_sensor_poses, read_truth
+from scipy.spatial.transform import Rotation
 
 from mnsf_ros.cli.main import run
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, pose_matrix, transform_matrix
@@ -62,6 +63,28 @@ def test_equal_settings_give_equal_bytes(tmp_path):
         write_recording(SETTINGS, tmp_path / parent / "street")
     first, second = (files_of(tmp_path / parent / "street") for parent in "ab")
     assert first == second
+
+
+def test_the_imu_measures_how_the_lidar_turns(tmp_path):
+    settings = SimulationSettings(seed=5, duration_s=0.4, scenario="turns", imu_hz=400.0)
+    simulator = write_recording(settings, tmp_path / "turns.mcap")
+    with BagReader(tmp_path / "turns.mcap") as reader:
+        times = [stamp_ns for stamp_ns, _ in reader.raw_messages("/imu")]
+        found = [message.angular_velocity for message in reader.messages("/imu")]
+        first_ns = next(reader.raw_messages("/points"))[0]
+    assert np.all(np.diff(times) == 2_500_000)
+    assert times[0] < first_ns < first_ns + 400_000_000 < times[-1]
+    rates = np.array([[rate.x, rate.y, rate.z] for rate in found])
+    turns = [
+        simulator.scene.ego.world_from_sensor((stamp_ns - first_ns) / 1e9)[:3, :3]
+        for stamp_ns in times
+    ]
+    true = Rotation.from_matrix([a.T @ b for a, b in pairwise(turns)]).as_rotvec() / 0.0025
+    # But for their bias, by 3 % and noise.
+    off = (rates[1:] + rates[:-1]) / 2 - true
+    assert np.abs(off).max() < np.radians(20.0) + 0.03 * np.abs(true).max() + 0.01
+    varying = np.abs(off - off.mean(axis=0)).max()
+    assert varying < 0.03 * np.ptp(true, axis=0).max() + np.radians(0.4)
 
 
 @pytest.fixture(scope="module")
