@@ -90,7 +90,7 @@ def voted_motions(
         max_change_m: Longest shift tried.
         base: (K, 3) metres, motions to the next sweep that shifts are added to.
     """
-    # In motions to the first target, so that the grid is fine enough over a longer time.
+    # Motions are those to the first target: over a longer time, a cell is a finer step of velocity.
     first_ratio = np.float32(targets[0].time_ratio)
     targets = [
         replace(target, time_ratio=target.time_ratio / float(first_ratio)) for target in targets
@@ -179,7 +179,8 @@ class VotingGrid:
         low = points[:, :2].min(axis=0).astype(np.float64) - margin_m
         high = points[:, :2].max(axis=0).astype(np.float64) + margin_m
         least_m = max((high - low).max() / MAX_CELLS_PER_AXIS, margin_m / _MAX_CELLS_OF_MARGIN)
-        # Neither sizes nor edges of cells follow a margin that is a little larger.
+        # Sizes are powers of two times the smallest, edges are multiples of the size: a slightly
+        # larger margin hardly ever changes a cell.
         self.cell_m = _CELL_M * 2.0 ** max(0, math.ceil(math.log2(least_m / _CELL_M)))
         middle_m = (float(points[:, 2].min()) + float(points[:, 2].max())) / 2
         # A cell more on each side, for what rounding may do to a shift at the edge.
