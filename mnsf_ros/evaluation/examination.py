@@ -1,29 +1,32 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Examination of a recording: what its sweeps are, and what of it does not fit the method."""
+"""Examination of a stream: what its clouds are, and what of them does not fit the method."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_poses, recorded_sweeps
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_poses
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.sweep_sample import Located
+from mnsf_ros.online.scene import ReadySweeps
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 TF_TOPIC: Final = "/tf"
-_LEAST_SWEEPS: Final = 2
+_LEAST_CLOUDS: Final = 2
 
 
 @dataclass(frozen=True)
 class Examination:
-    """What was found in a recording.
+    """What was found in a stream.
 
     Attributes:
         facts: Name to what the input is, in words.
@@ -41,28 +44,66 @@ class Examination:
         return any(one.is_wrong for one in self.findings)
 
 
+class Examiner:
+    """Checks sweeps with what the method `online` finds while it prepares them.
+
+    Attributes:
+        findings: Gets what is noticed; its `input_check` gets each cloud.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        # Odometry is judged by registration.
+        source = {"ego_motion.source": EgoSource.REGISTRATION.value}
+        self._stream = Stream(settings.changed(source), "online")
+        self._check = InputCheck(settings, self._stream.mounting)
+        self.findings = Findings(mounting=self._stream.mounting, input_check=self._check)
+
+    def add(self, sweep: Sweep) -> None:
+        """Takes the next sweep, whose clouds the input check has."""
+        self._stream.add(sweep)
+        if self._stream.triplet is None:
+            return
+        prepared = self._stream.prepare(self._stream.triplet)
+        if isinstance(prepared.content, ReadySweeps):
+            current = prepared.content.of_triplet[-2]
+            pose, own = current.pose, (int(current.own.sum()), current.own_reach_m)
+            located = Located(current.sweep, pose.world_from_stamp, pose.source.value, *own)
+            self._check.locate(located)
+
+    def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
+        """Returns what was found, with facts about the source of the clouds, and notes."""
+        found, num_clouds = self._check.findings(), self._check.num_clouds
+        if num_clouds < _LEAST_CLOUDS:
+            text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
+            found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
+        return Examination({**about, **self._check.facts()}, found, [*notes])
+
+
 def examined(
     recording: EvaluatedRecording, settings: Settings, max_duration_s: float
 ) -> Examination:
-    """Reads the first sweeps of a recording, registers them, and checks the input.
+    """Examines the first sweeps of a recording.
 
     Raises:
         RecordingError: The recording cannot be read, or holds no sweep.
     """
-    check = InputCheck(settings)
-    findings = Findings(input_check=check)
+    examiner = Examiner(settings)
+    findings = examiner.findings
     with BagReader(recording.path) as reader:
-        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
-        poses = _poses(reader, recording, settings, findings)
-        about = _about(reader, recording)
-        _register(_first(sweeps, max_duration_s), poses, settings, check)
+        poses, about = _poses(reader, recording, settings, findings), _about(reader, recording)
+        first_ns = last_ns = -1
+        for sweep in recorded_clouds(reader, recording.points, settings, findings):
+            if sweep is None or sweep.stamp_ns <= last_ns:
+                continue
+            last_ns, first_ns = sweep.stamp_ns, sweep.stamp_ns if first_ns < 0 else first_ns
+            if last_ns - first_ns > max_duration_s * NANOSECONDS:
+                break
+            pose = poses.pose_at(sweep.stamp_ns)
+            odometry = None if pose is None else pose.world_from_frame
+            examiner.add(replace(sweep, odometry=odometry))
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [plain_text(damage) for damage in (*recording.damages, *findings.damages)]
-    found = check.findings()
-    if check.num_sweeps < _LEAST_SWEEPS:
-        text = f"clouds: {check.num_sweeps}, a flow needs {_LEAST_SWEEPS} in a row and more"
-        found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
-    return Examination(about | check.facts(), found, [*damages, *events])
+    return examiner.examination(about, (*damages, *events))
 
 
 def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
@@ -87,29 +128,3 @@ def _poses(
         return PoseTrack()
     recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
     return PoseTrack(recorded, sensor_mount(settings.ego_motion))
-
-
-def _first(sweeps: Iterable[Sweep | None], max_duration_s: float) -> Iterator[Sweep]:
-    """The sweeps until a time after the first one."""
-    first_ns = None
-    for sweep in filter(None, sweeps):
-        first_ns = sweep.stamp_ns if first_ns is None else first_ns
-        if sweep.stamp_ns - first_ns > max_duration_s * NANOSECONDS:
-            return
-        yield sweep
-
-
-def _register(
-    sweeps: Iterable[Sweep], poses: PoseTrack, settings: Settings, check: InputCheck
-) -> None:
-    """Locates sweeps by registration, also where odometry is known: it is judged by that."""
-    ego_motion = EgoMotion(replace(settings.ego_motion, source=EgoSource.REGISTRATION.value))
-    last_ns = -1
-    for sweep in sweeps:
-        if sweep.stamp_ns <= last_ns:
-            continue
-        last_ns = sweep.stamp_ns
-        pose = poses.pose_at(sweep.stamp_ns)
-        located = replace(sweep, odometry=None if pose is None else pose.world_from_frame)
-        found = ego_motion.pose_of(located)
-        check.locate(located, found.world_from_stamp, found.source.value)

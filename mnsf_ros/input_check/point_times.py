@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 
@@ -41,7 +42,7 @@ class _Times(NamedTuple):
     elsewhere: float  # share of points whose time does not fit their azimuth
 
 
-class TimesOfPoints:
+class TimesOfPoints(Assumption):
     """Compares the times of points with the interval of stamps and with azimuths."""
 
     def __init__(self) -> None:

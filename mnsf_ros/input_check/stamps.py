@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -21,7 +22,7 @@ _MIN_SPEED_M_S: Final = 2.0
 _CLEARLY: Final = 0.7
 
 
-class Stamps:
+class Stamps(Assumption):
     """Compares the intervals of stamps with an even clock, and both with the motion."""
 
     def __init__(self) -> None:

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from msg_utils.point_cloud2 import decode_points
 
 # A share of 1 % is known to .2 % from one sweep.
 _NUM_POINTS: Final = 2048
@@ -28,15 +28,17 @@ class SweepSample:
         rows: (K,) their numbers.
         xyz: (K, 3) float64, metres, frame of the sensor.
         ranges: (K,) metres from the origin.
+        num_parts: Clouds of its revolution.
     """
 
     sweep: Sweep
     rows: NDArray[np.int64]
     xyz: NDArray[np.float64]
     ranges: NDArray[np.float64]
+    num_parts: int = 1
 
     @classmethod
-    def of(cls, sweep: Sweep) -> "SweepSample":
+    def of(cls, sweep: Sweep, num_parts: int = 1) -> "SweepSample":
         """Samples a sweep."""
         number = len(sweep)
         if number > _NUM_POINTS:
@@ -47,7 +49,7 @@ class SweepSample:
         xyz = sweep.xyz[rows].astype(np.float64)
         ranges = np.linalg.norm(xyz, axis=1)
         measured = ranges > 0
-        return cls(sweep, rows[measured], xyz[measured], ranges[measured])
+        return cls(sweep, rows[measured], xyz[measured], ranges[measured], num_parts)
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource
@@ -76,17 +78,6 @@ class SweepSample:
         times_s = self.sweep.times_s
         return None if times_s is None else times_s[self.rows].astype(np.float64)
 
-    @cached_property
-    def rings(self) -> NDArray[np.integer[Any]] | None:
-        """(N,) number of the beam of each point of the sweep; None if unknown."""
-        if self.cloud is None:
-            return None
-        points = decode_points(self.cloud.message).reshape(-1)
-        names = [name for name in ("ring", "channel") if name in (points.dtype.names or ())]
-        if not names or points.dtype[names[0]].kind not in "iu":
-            return None
-        return np.compress(self.cloud.measured, points[names[0]])
-
 
 @dataclass(frozen=True, eq=False)
 class Located:
@@ -94,15 +85,25 @@ class Located:
 
     Attributes:
         sweep: All of it, with `odometry` if known.
-        xyz: (K, 3) float64, metres, some of its points.
         world_from_sensor: (4, 4) float64, at its stamp.
         source: The EgoSource of the pose.
+        num_own: Points on the robot's own body.
+        own_reach_m: Distance of the farthest of them.
     """
 
     sweep: Sweep
-    xyz: NDArray[np.float64]
     world_from_sensor: NDArray[np.float64]
     source: str
+    num_own: int = 0
+    own_reach_m: float = 0.0
+
+    @classmethod
+    def by(cls, estimate: FlowEstimate, sweep: Sweep) -> "Located | None":
+        """Returns it as known by the estimate of the sweep; None if that has no pose."""
+        if (known := estimate.over_ground) is None:
+            return None
+        pose = known.world_from_sensor
+        return cls(sweep, pose, known.source, estimate.num_own, estimate.own_reach_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,12 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
-from msg_utils.point_cloud2 import decode_xyz, encode_columns, encode_with_columns
+from msg_utils.point_cloud2 import decode_points, decode_xyz, encode_columns, encode_with_columns
 from msg_utils.point_times import PointTimes, decode_times
 from msg_utils.stamps import decode_stamp
 
 _CLASH_PREFIX: Final = "sensor_"
+_RING_FIELDS: Final = ("ring", "channel")
 # The interval is the median of these.
 _NUM_STAMPS: Final = 8
 
@@ -40,6 +41,15 @@ class CloudSource:
     times: PointTimes
     is_stamped: bool = True
     num_untimed: int = 0
+
+    @property
+    def rings(self) -> NDArray[np.integer[Any]] | None:
+        """(N,) number of the beam of each point of the sweep; None if unknown."""
+        points = decode_points(self.message).reshape(-1)
+        names = [name for name in _RING_FIELDS if name in (points.dtype.names or ())]
+        if not names or points.dtype[names[0]].kind not in "iu":
+            return None
+        return np.compress(self.measured, points[names[0]])
 
 
 class CloudReader:
