@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
@@ -48,18 +50,19 @@ class Examiner:
     """Checks sweeps with what the method `online` finds while it prepares them.
 
     Attributes:
-        findings: Gets what is noticed; its `input_check` gets each cloud.
+        check: Gets each cloud before its sweep is added.
+        findings: What was noticed while they were read.
     """
 
     def __init__(self, settings: Settings) -> None:
         # Odometry is judged by registration.
         source = {"ego_motion.source": EgoSource.REGISTRATION.value}
         self._stream = Stream(settings.changed(source), "online")
-        self._check = InputCheck(settings, self._stream.mounting)
-        self.findings = Findings(mounting=self._stream.mounting, input_check=self._check)
+        self.check = InputCheck(settings, self._stream.mounting)
+        self.findings = Findings(mounting=self._stream.mounting, input_check=self.check)
 
     def add(self, sweep: Sweep) -> None:
-        """Takes the next sweep, whose clouds the input check has."""
+        """Takes the next sweep."""
         self._stream.add(sweep)
         if self._stream.triplet is None:
             return
@@ -68,15 +71,15 @@ class Examiner:
             current = prepared.content.of_triplet[-2]
             pose, own = current.pose, (int(current.own.sum()), current.own_reach_m)
             located = Located(current.sweep, pose.world_from_stamp, pose.source.value, *own)
-            self._check.locate(located)
+            self.check.locate(located)
 
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
         """Returns what was found, with facts about the source of the clouds, and notes."""
-        found, num_clouds = self._check.findings(), self._check.num_clouds
+        found, num_clouds = self.check.findings(), self.check.num_clouds
         if num_clouds < _LEAST_CLOUDS:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
             found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
-        return Examination({**about, **self._check.facts()}, found, [*notes])
+        return Examination({**about, **self.check.facts()}, found, [*notes])
 
 
 def examined(
@@ -91,12 +94,10 @@ def examined(
     findings = examiner.findings
     with BagReader(recording.path) as reader:
         poses, about = _poses(reader, recording, settings, findings), _about(reader, recording)
-        first_ns = last_ns = -1
-        for sweep in recorded_clouds(reader, recording.points, settings, findings):
-            if sweep is None or sweep.stamp_ns <= last_ns:
-                continue
-            last_ns, first_ns = sweep.stamp_ns, sweep.stamp_ns if first_ns < 0 else first_ns
-            if last_ns - first_ns > max_duration_s * NANOSECONDS:
+        end_ns = np.inf
+        for sweep in filter(None, recorded_clouds(reader, recording.points, settings, findings)):
+            end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
+            if sweep.stamp_ns > end_ns:
                 break
             pose = poses.pose_at(sweep.stamp_ns)
             odometry = None if pose is None else pose.world_from_frame

@@ -44,7 +44,7 @@ class InputCheck:
         self._last: Located | None = None
 
     def add(self, cloud: Sweep, num_parts: int = 1) -> None:
-        """Takes the next cloud, with its CloudSource as `source`; parts of a revolution one by one."""
+        """Takes the next cloud, with a CloudSource as `source`; of a revolution or a part."""
         with self._lock:
             self.num_clouds += 1
             sample = SweepSample.of(cloud, num_parts)

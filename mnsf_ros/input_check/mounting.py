@@ -51,11 +51,12 @@ class Mounting(Assumption):
             text = f"the lidar is not at the origin of the frame, but at {found.place}"
             yield Finding(_LENS, Severity.INFO, f"{text}; methods see from there", _PLACE_REMEDY)
         elif cones is not None and cones.blur_deg > _MAX_BLUR_DEG:
-            text = f"beams are {cones.blur_deg:.1f} degrees off cones around the origin of the frame"
-            yield Finding(_LENS, Severity.WARNING, f"{text}, and around all places near", _PLACE_REMEDY)
+            text = f"beams are {cones.blur_deg:.1f} degrees off cones around the origin"
+            text += ", and no place near it is better"
+            yield Finding(_LENS, Severity.WARNING, text, _PLACE_REMEDY)
         elif found is not None and ground[3] < _MIN_LENS_M:
             side = "above" if ground[3] > 0 else "below"
-            text = f"the origin of the frame is {abs(ground[3]):.2f} m {side} ground, not at the lidar"
+            text = f"the origin is {abs(ground[3]):.2f} m {side} ground, so it is not the lidar"
             yield Finding(_LENS, Severity.WARNING, text, _PLACE_REMEDY)
 
 

@@ -100,10 +100,11 @@ def _lens(points: NDArray[np.float64], beams: NDArray[np.int64]) -> NDArray[np.f
     few, own = points[:_NUM_FEW], _from_zero(beams[:_NUM_FEW])
     starts = sorted(_PLACES_M, key=lambda place: _Deviations(few - place, own).mean_m)
     found = []
-    for place in starts[:_NUM_STARTS]:
+    for start in starts[:_NUM_STARTS]:
+        place = start.copy()
         for number in range(2 * _NUM_STEPS):
             deviations = _Deviations(points - place, beams)
-            place = place + deviations.step(is_coarse=number < _NUM_STEPS)
+            place += deviations.step(is_coarse=number < _NUM_STEPS)
         found.append(place)
     return min(found, key=lambda place: _Deviations(points - place, beams).mean_m)
 

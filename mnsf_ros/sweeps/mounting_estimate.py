@@ -128,8 +128,8 @@ def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
 def ground_of(xyz: NDArray[np.float32]) -> NDArray[np.float64] | None:
     """Returns (4,) n, h of the ground under points (N, 3), so that n x + h is a height above it.
 
-    The ground is the plane with most points that has nearly none beyond it, a level one if possible.
-    Without level ground it may be a wall. None if no ground is seen.
+    The ground is the plane with most points that has nearly none beyond it, if possible a level
+    one; otherwise it may be a wall. None if no ground is seen.
     """
     near = np.einsum("ij,ij->i", xyz, xyz) < _REACH_M**2
     points = thinned(chosen_points(xyz, near), _CELL_M).astype(np.float64)

@@ -147,9 +147,9 @@ DISTURBED = {
     "on its side": (lambda one, _: one.moved(turned("x", 90)), "z is 90 degrees off the normal"),
     "base_link, no beams": (
         lambda one, _: replace(one.moved(shifted(1.4, 1.8)), columns={}),
-        "the origin of the frame is 0.",
+        "the origin is 0.",
     ),
-    "two lenses": (two_lenses, "degrees off cones around the origin of the frame, and around all"),
+    "two lenses": (two_lenses, "degrees off cones around the origin, and no place"),
     "odometry": (odd_odometry, "odometry contradicts the clouds"),
 }
 
