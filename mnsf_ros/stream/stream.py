@@ -101,7 +101,7 @@ class Stream:
         self._estimator = (
             make_method(self.method, settings) if after is None else after._renewed(settings)
         )
-        self.mounting: Final = MountingEstimate() if after is None else after.mounting
+        self.mounting: MountingEstimate = MountingEstimate() if after is None else after.mounting
         self.mounting.forget()
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
         # What follows belongs to the preparation.
