@@ -2,6 +2,7 @@
 """All assumptions about the input, measured on a stream of sweeps."""
 
 import threading
+from typing import Final
 
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.cloud_layout import CloudLayout
@@ -16,6 +17,11 @@ from mnsf_ros.input_check.sweep_sample import Located, Step, SweepSample
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep
+
+# Clouds whose points are looked at: what is wrong should be known soon, and cost little.
+_NUM_FIRST: Final = 20
+_EVERY_FIRST: Final = 2
+_EVERY: Final = 10
 
 
 class InputCheck:
@@ -47,7 +53,8 @@ class InputCheck:
         """Takes the next cloud, with a CloudSource as `source`; of a revolution or a part."""
         with self._lock:
             self.num_clouds += 1
-            sample = SweepSample.of(cloud, num_parts)
+            every = _EVERY if self.num_clouds > _NUM_FIRST else _EVERY_FIRST
+            sample = SweepSample(cloud, self.num_clouds % every == 1, num_parts)
             for assumption in self._all:
                 assumption.add(sample)
 

@@ -22,9 +22,6 @@ _TURNING: Final = 0.9
 _MIN_DISTINCT: Final = 25
 # Of all points, more than a quarter turn away: none in recordings of five lidars.
 _MAX_ELSEWHERE: Final = 0.0002
-# All times of the first sweeps are compared, later those of one in so many.
-_NUM_FIRST: Final = 20
-_EVERY: Final = 5
 # A sweep takes an interval; some lidars pause, and stamps are rounded.
 _TOLERANCE: Final = 0.1
 # Of the sensor, above which a sweep without times may be distorted by more than .2 m.
@@ -62,8 +59,7 @@ class TimesOfPoints(Assumption):
             self._source = sample.cloud.times.source
             if fault := sample.cloud.times.fault:
                 self._fault, self._num_faults = fault, self._num_faults + 1
-        is_due = self._num <= _NUM_FIRST or self._num % _EVERY == 0
-        if is_due and sample.times_s is not None and len(sample.times_s):
+        if sample.is_due and sample.times_s is not None and len(sample.times_s):
             self._times.append(_measured(sample.times_s, sample))
 
     def move(self, step: Step) -> None:

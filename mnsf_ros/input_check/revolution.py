@@ -28,10 +28,10 @@ class Revolution(Assumption):
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next cloud."""
-        self._sectors.append(np.count_nonzero(sample.sectors))
         self._counts.append(len(sample.sweep))
         self._parts.append(sample.num_parts)
-        if len(sample.xyz):
+        if sample.is_due and len(sample.xyz):
+            self._sectors.append(np.count_nonzero(sample.sectors))
             low, high = np.quantile(sample.elevations, (0.002, 0.998))
             self._lows.append(low)
             self._highs.append(high)

@@ -25,31 +25,28 @@ class SweepSample:
 
     Attributes:
         sweep: The sweep, with a CloudSource as `source`, or without one.
-        rows: (K,) their numbers.
-        xyz: (K, 3) float64, metres, frame of the sensor.
-        ranges: (K,) metres from the origin.
+        is_due: Whether to look at its points; some sweeps tell enough.
         num_parts: Clouds of its revolution.
     """
 
     sweep: Sweep
-    rows: NDArray[np.int64]
-    xyz: NDArray[np.float64]
-    ranges: NDArray[np.float64]
+    is_due: bool = True
     num_parts: int = 1
 
-    @classmethod
-    def of(cls, sweep: Sweep, num_parts: int = 1) -> "SweepSample":
-        """Samples a sweep."""
-        number = len(sweep)
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """(K,) numbers of the points."""
+        number = len(self.sweep)
+        rows = np.arange(number)
         if number > _NUM_POINTS:
             starts = np.random.default_rng(number).integers(0, number - _RUN, _NUM_POINTS // _RUN)
             rows = (np.sort(starts)[:, None] + np.arange(_RUN)).ravel()
-        else:
-            rows = np.arange(number)
-        xyz = sweep.xyz[rows].astype(np.float64)
-        ranges = np.linalg.norm(xyz, axis=1)
-        measured = ranges > 0
-        return cls(sweep, rows[measured], xyz[measured], ranges[measured], num_parts)
+        return rows[self.sweep.xyz[rows].any(axis=1)]
+
+    @cached_property
+    def xyz(self) -> NDArray[np.float64]:
+        """(K, 3) metres, frame of the sensor."""
+        return self.sweep.xyz[self.rows].astype(np.float64)
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource
@@ -64,7 +61,7 @@ class SweepSample:
     @cached_property
     def elevations(self) -> NDArray[np.float64]:
         """(K,) radians above the plane z = 0."""
-        return np.arcsin(self.xyz[:, 2] / self.ranges)
+        return np.arctan2(self.xyz[:, 2], np.hypot(self.xyz[:, 0], self.xyz[:, 1]))
 
     @cached_property
     def sectors(self) -> NDArray[np.bool_]:

@@ -143,7 +143,7 @@ DISTURBED = {
     "rounded": (lambda one, _: of_seconds(one, 1.0, 0.01), "only 11 different values"),
     "early points": (few_early, "of the points contradict their direction"),
     "late stamps": (late_stamp, "ms off an even clock"),
-    "late stamps, even points": (late_with_absolute_times, "but the first points only 2 ms"),
+    "late stamps, even points": (late_with_absolute_times, "but the first points only 0 ms"),
     "on its side": (lambda one, _: one.moved(turned("x", 90)), "z is 90 degrees off the normal"),
     "base_link, no beams": (
         lambda one, _: replace(one.moved(shifted(1.4, 1.8)), columns={}),
