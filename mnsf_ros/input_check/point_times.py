@@ -12,7 +12,7 @@ from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 
-_ASSUMPTION: Final = "each point has its time of measurement"
+TIMES: Final = "each point has its time of measurement"
 # Lidars turn at 5 to 20 Hz, a few at 30.
 _MAX_RATE_HZ: Final = 35.0
 # Mean length of the unit vectors of the phase between time and azimuth. Lidars that turn have more
@@ -80,7 +80,7 @@ class TimesOfPoints(Assumption):
         if self._num_faults:
             found = f"times of points cannot be read in {self._num_faults} of {self._num} clouds"
             remedy = "Name field and unit by time.field and time.unit, or time.field=none"
-            yield Finding(_ASSUMPTION, Severity.ERROR, f"{found}: {self._fault}", remedy)
+            yield Finding(TIMES, Severity.ERROR, f"{found}: {self._fault}", remedy)
         elif not self._times:
             yield from self._without()
         elif self._intervals_s:
@@ -106,8 +106,10 @@ class TimesOfPoints(Assumption):
                 f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
                 f"{shift_m:.1f} m off, if the lidar turns and its driver does not correct it"
             )
-            remedy = "Let the driver publish the time of each point (time.field names its field)"
-            yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
+            remedy = (
+                "Let the driver publish the time of each point, or set time.field: clockwise 180"
+            )
+            yield Finding(TIMES, Severity.INFO, found, remedy)
 
     def _contradictions(self, interval_s: float) -> Iterator[Finding]:
         duration_s = self._duration_s
@@ -116,14 +118,14 @@ class TimesOfPoints(Assumption):
         text = f"{spans}, sweeps are {1e3 * interval_s:.1f} ms apart"
         remedy = "Correct the driver, set time.unit, or use no times: time.field=none"
         if span_s > (1 + _TOLERANCE) * interval_s:
-            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
+            yield Finding(TIMES, Severity.ERROR, text, remedy)
         elif self._is_turning and duration_s < 1 / _MAX_RATE_HZ and duration_s < interval_s / 2:
             text += f": no lidar turns {1 / duration_s:.0f} times a second"
-            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
+            yield Finding(TIMES, Severity.ERROR, text, remedy)
         reach_s = float(np.median([one.reach_s for one in self._times]))
         if reach_s > 2 * span_s:
             text = f"{spans}, but those of a few points {1e3 * reach_s:.1f} ms"
-            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
+            yield Finding(TIMES, Severity.WARNING, text, remedy)
         if not self._is_turning:
             return
         distinct = int(np.median([one.num_distinct for one in self._times]))
@@ -135,12 +137,12 @@ class TimesOfPoints(Assumption):
                 f"{1e3 * duration_s / distinct:.0f} ms apart"
             )
             remedy = "Record without a codec that rounds times, or use no times: time.field=none"
-            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
+            yield Finding(TIMES, Severity.WARNING, text, remedy)
         elsewhere = float(np.mean([one.elsewhere for one in self._times]))
         if elsewhere > _MAX_ELSEWHERE:
             text = f"the times of {elsewhere:.2%} of the points contradict their direction"
             remedy = "Look for lost packets, whose points have the time 0"
-            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
+            yield Finding(TIMES, Severity.WARNING, text, remedy)
 
 
 def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:

@@ -33,6 +33,8 @@ _MIN_HEIGHT_M: Final = 0.5
 _MIN_SHARE: Final = 0.1
 # Up to here methods are as good as on level ground, by simulated streets.
 _MAX_TILT_DEG: Final = 30.0
+# Mounts along an axis are exact: the ground is known to a degree only.
+_NEARLY: Final = np.cos(np.radians(3.0))
 # Planes steeper than this may be walls: only parameters or TF know of such a tilt.
 _MIN_WALL_DEG: Final = 65.0
 
@@ -102,7 +104,7 @@ class MountingEstimate:
             return
         tilt_deg = _tilt_deg(ground)
         if not _MIN_WALL_DEG < tilt_deg < 180.0 - _MIN_WALL_DEG:
-            up = ground[:3] if tilt_deg > _MAX_TILT_DEG else _UP
+            up = _nearly_axis(ground[:3]) if tilt_deg > _MAX_TILT_DEG else _UP
             lens_m = None if self.cones is None else self.cones.lens_m
             source = "estimated from the ground" + ("" if lens_m is None else " and the beams")
             self.found = Mounting.of(up, np.zeros(3) if lens_m is None else lens_m, source)
@@ -148,6 +150,12 @@ def ground_of(xyz: NDArray[np.float32]) -> NDArray[np.float64] | None:
     normal = np.linalg.svd(own - middle, full_matrices=False)[2][2]
     normal *= np.sign(normal @ normals[best])
     return np.append(normal, -normal @ middle)
+
+
+def _nearly_axis(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The axis that is nearest to a normal (3,), if it is near; else the normal."""
+    axis = np.round(up)
+    return axis if np.linalg.norm(axis) == 1 and axis @ up > _NEARLY else up
 
 
 def _tilt_deg(ground: NDArray[np.float64]) -> float:

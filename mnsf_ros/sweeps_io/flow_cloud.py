@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
+from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
@@ -71,7 +72,11 @@ class CloudReader:
         own_stamp_ns = decode_stamp(message.header.stamp)
         stamp_ns = own_stamp_ns or now_ns
         self._stamps_ns.append(stamp_ns)
-        times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
+        if (turning := settings.turning) is None:
+            times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
+        else:
+            by_azimuth = AzimuthTimes(*turning)
+            times = PointTimes(by_azimuth.of(xyz, self._interval_s), f"azimuth, {by_azimuth}")
         num_untimed = 0
         if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():
             num_untimed = int(np.count_nonzero(~timed))
