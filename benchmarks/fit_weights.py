@@ -4,7 +4,7 @@
     python benchmarks/fit_weights.py [--sweeps N] [--seeds A B] [--cache DIR]
 
 Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
-scratch. Prints weights for mnsf_ros/online/decision.py (the gate) and
+scratch. Prints weights for mnsf_ros/online/gate.py (the gate) and
 mnsf_ros/online/confidence.py, and the loss with these and with the current weights. A recording
 counts by the root of its samples. movers.py shows how well the confidence holds on the other half
 and on other worlds.
@@ -30,7 +30,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import make_method
-from mnsf_ros.online.confidence import doubtful_features, moving_features, standing_features
+from mnsf_ros.online.confidence import doubtful_features, moving_features, static_features
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.table import FITTED, ObjectTable
 from mnsf_ros.presets import preset
@@ -39,7 +39,7 @@ _CLOSE_M: Final = 0.1
 # An object counts by its points to this power.
 _POWER: Final = 0.75
 # Standing points of a sweep; neighbouring points say the same.
-_MAX_STANDING: Final = 500
+_MAX_STATIC: Final = 500
 # Every so many sweeps an estimate from scratch is a sample, too.
 _SCRATCH_EVERY: Final = 3
 # Real objects are few. A mover that is found with a wrong motion may be found late.
@@ -150,17 +150,17 @@ def _samples(estimate: FlowEstimate, truth: TrueSweep, next_: TrueSweep) -> Iter
         return Samples(features[seen], shares, counts[seen] ** _POWER, means)
 
     movers, doubtful = table.movers, table.doubtful
-    features = moving_features(movers.moving, movers.scores, movers.residual_rise)
+    features = moving_features(movers.moving, movers.log_odds, movers.residual_rise)
     yield "moving", of_objects(movers.points, features)
-    yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.standing))
+    yield "doubtful", of_objects(doubtful.points, doubtful_features(doubtful.static))
     suspects = np.concatenate([movers.points.numbers, doubtful.points.numbers])
     are_suspects = np.isin(owners, suspects)
-    standing = np.flatnonzero(~are_suspects & ~estimate.over_ground.dynamic[rows])
-    standing = standing[:: max(1, len(standing) // _MAX_STANDING)]
-    features = standing_features(truth.sweep.xyz[rows[standing]])
-    ones = np.ones(len(standing))
-    yield "standing", Samples(features, is_close[standing].astype(float), ones, said[standing])
-    fitted = table.take(np.flatnonzero([verdict in FITTED for verdict in table.verdicts]))
+    static = np.flatnonzero(~are_suspects & ~estimate.over_ground.dynamic[rows])
+    static = static[:: max(1, len(static) // _MAX_STATIC)]
+    features = static_features(truth.sweep.xyz[rows[static]])
+    ones = np.ones(len(static))
+    yield "static", Samples(features, is_close[static].astype(float), ones, said[static])
+    fitted = table.select(np.flatnonzero([verdict in FITTED for verdict in table.verdicts]))
     yield "gate", _gate_samples(fitted, owners, _true_motion(truth, next_)[rows])
 
 
@@ -192,7 +192,7 @@ def _gate_samples(
         elif moves < 0.1:
             counts[row] = 1.0
     kept = counts > 0
-    said = 1 / (1 + np.exp(-fitted.scores[kept]))
+    said = 1 / (1 + np.exp(-fitted.log_odds[kept]))
     return Samples(features[kept], shares[kept], counts[kept], said)
 
 

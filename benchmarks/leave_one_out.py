@@ -21,8 +21,7 @@ from frame import Table, make_parser, publish
 from movers import DURATION_S, FIGURES, add_world_options, in_processes
 from world_scores import world_score
 
-from mnsf_ros.online import decision, motions, object_flow, output, scene, target
-from mnsf_ros.online.turning import whole
+from mnsf_ros.online import attachments, gate, motions, preparation, target, turning
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps import range_view
 from mnsf_ros.sweeps.ground_surface import GroundSurface
@@ -32,9 +31,13 @@ _FIGURES: Final = {name: FIGURES[name][0] for name in (*_NAMES, "dynamic EPE, tw
 
 
 def _without_term(term: int) -> tuple[Any, str, Any]:
-    weights = np.array(decision._WEIGHTS)
+    weights = np.array(gate._WEIGHTS)
     weights[term] = 0.0
-    return decision, "_WEIGHTS", tuple(weights)
+    return gate, "_WEIGHTS", tuple(weights)
+
+
+def _without_turns(_movers: Any, groups: Any, motions: Any, *_: Any) -> Any:  # noqa: ANN401
+    return turning.rigid_heads(motions[groups])
 
 
 _WITH_CEILINGS: Final = preset("online").changed({"objects.max_height_m": 100.0})
@@ -48,17 +51,17 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "number of points": _without_term(5),
     "reach above the sensor": _without_term(6),
     "parts move alone less often": _without_term(7),
-    "followed before it is called": (decision, "_TENTATIVE", 0.0),
+    "followed before it is called": (gate, "_TENTATIVE", 0.0),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
     "beside the view": (range_view, "_beside", lambda is_seen: np.zeros(is_seen.shape[1], bool)),
     "between the beams": (range_view, "_between", lambda is_seen: np.zeros(len(is_seen), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
-    "splitting": (scene, "split", lambda current, _: current),
-    "attachments": (output, "attached", lambda *_: np.zeros((2, 0), int)),
-    "turning": (object_flow, "turning", lambda movers, groups, motions, *_: whole(motions[groups])),
-    "longer steps of fits": (motions, "_STEP", 1.0),
-    "what moves goes on as it did": (motions, "_SURPRISE", np.inf),
+    "splitting": (preparation, "split", lambda current, _: current),
+    "attachments": (attachments, "attached", lambda *_: np.zeros((2, 0), int)),
+    "turning": (turning, "turning", _without_turns),
+    "longer steps of fits": (motions, "_OVER_RELAXATION", 1.0),
+    "what moves goes on as it did": (motions, "_PRIOR_SCALE", np.inf),
     "preference for fitted motions": (motions, "CLEARLY_SHARE", 1.0),
     "slopes": (GroundSurface, "slopes", lambda _, xyz: np.zeros((len(xyz), 2), np.float32)),
 }

@@ -22,7 +22,7 @@ from world_scores import NUM_FIRST, found_share, scored
 
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.methods.live_mnsf import LiveMnsfEstimator
-from mnsf_ros.online.scene import ReadySweeps
+from mnsf_ros.online.preparation import PreparedSweeps
 
 _NUM_SWEEPS: Final = 24
 _COLD: Final = "mnsf+warm_start.enabled=false"
@@ -44,19 +44,19 @@ _VARIANTS: Final = {
     "networks of the paper's size": f"mnsf+{_DEEP}+{_DEEP_FUSION}",
     "`online`": "online",
 }
-_guesses: Final = LiveMnsfEstimator.guesses
+_find_motions: Final = LiveMnsfEstimator.find_motions
 
 
-def _with_fresh_networks(estimator: LiveMnsfEstimator, *scene: Any) -> Any:  # noqa: ANN401 - passed
+def _with_fresh_networks(estimator: LiveMnsfEstimator, *given: Any) -> Any:  # noqa: ANN401 - passed
     """Cold without the loss of tracks, which `warm_start.enabled` costs, too."""
     estimator._networks = None
-    return _guesses(estimator, *scene)
+    return _find_motions(estimator, *given)
 
 
 # Row to what is replaced in `mnsf`: owner, name and value.
 _PATCHES: Final[dict[str, tuple[Any, str, Any]]] = {
-    "cold, 40 steps, with tracks": (LiveMnsfEstimator, "guesses", _with_fresh_networks),
-    "no older sweeps": (ReadySweeps, "past", lambda *_: []),
+    "cold, 40 steps, with tracks": (LiveMnsfEstimator, "find_motions", _with_fresh_networks),
+    "no older sweeps": (PreparedSweeps, "past", lambda *_: []),
 }
 
 

@@ -132,6 +132,7 @@ class Effort(IntEnum):
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
+    OPEN = "not decided yet"
     NO_OBJECT = "ground, too high, or outside the crop"
     OWN_BODY = "the robot's own body"
     TOO_FEW_POINTS = "too few points"

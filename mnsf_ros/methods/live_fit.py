@@ -19,7 +19,7 @@ from mnsf_ros.networks.optimization import Schedule
 from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.networks.warm_networks import WarmNetworks
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
@@ -39,14 +39,14 @@ class _Pull:
         distance: D(p, S).
         rotation: (3, 3) from the axes of the world to the sensor frame of the sweep.
         shift: (3,) metres.
-        steps: (P, 1) factor from the fitted flow to the motion until the sweep.
+        intervals: (P, 1) factor from the fitted flow to the motion until the sweep.
         weight: Of its loss.
     """
 
     distance: TargetDistance
     rotation: torch.Tensor
     shift: torch.Tensor
-    steps: torch.Tensor
+    intervals: torch.Tensor
     weight: float
 
     def of(
@@ -58,18 +58,18 @@ class _Pull:
             points: (B, 3) metres, axes of the world.
             flow: (B, 3) metres, likewise, without gradient.
             widths: (B,) metres, from where on the loss is linear.
-            chosen: (B,) rows of these points in `steps`.
+            chosen: (B,) rows of these points in `intervals`.
 
         Returns:
             The loss, a scalar, and its gradient with respect to the flow, (B, 3).
         """
-        steps = self.steps[chosen]
-        moved = torch.addmm(self.shift, points + steps * flow, self.rotation.T)
+        intervals = self.intervals[chosen]
+        moved = torch.addmm(self.shift, points + intervals * flow, self.rotation.T)
         distances, directions = self.distance.with_gradient(moved)
         # The slope of the loss: 1 from the width on, less below.
         slopes = (distances / widths).clamp(max=1.0)
         loss = (slopes * (distances - slopes * widths / 2)).mean()
-        factors = steps * slopes[:, None] * (self.weight / len(points))
+        factors = intervals * slopes[:, None] * (self.weight / len(points))
         return self.weight * loss, factors * (directions @ self.rotation)
 
 
@@ -115,10 +115,9 @@ class LiveFit:
         self._few = objects.thinner()
         self._few_inputs = networks.encoded(self._tensor(self._few.positions @ self._axes.T))
         self._widths = self._tensor(objects.spacing + _FADING_M)
-        self._next, *before = scene.targets.near
-        self._previous: Target | None = before[0] if before else None
-        self._intervals = scene.usual_interval_s / USUAL_INTERVAL_S
-        self._expected: NDArray[np.float32] = np.zeros((len(objects), 3), np.float32)
+        self._next, self._previous = scene.targets.next, scene.targets.previous
+        self._usual_intervals = scene.usual_interval_s / USUAL_INTERVAL_S
+        self._start: NDArray[np.float32] = np.zeros((len(objects), 3), np.float32)
         self._started_s = time.monotonic()
 
     def run(self, clock: StageClock) -> NDArray[np.float32]:
@@ -128,7 +127,7 @@ class LiveFit:
             OptimizationError: If a loss or the flow is not finite.
             CancelledError: If `cancelled` says so.
         """
-        self._expected = self._motions()
+        self._start = self._motions()
         with clock.stage("forward"):
             share = 1.0 if self._previous is None else _FORWARD_DONE
             self._fit("forward", self._pulls([self._next], []), share)
@@ -147,7 +146,7 @@ class LiveFit:
         """(K, 3) metres, sensor axes, mean flow of each object by the current networks."""
         has_backward = self._previous is not None and "backward" in self._networks.fitted
         flow = self._networks.flow(self._few_inputs, has_backward=has_backward)
-        in_interval = self._intervals * flow.cpu().numpy() @ self._axes
+        in_interval = self._usual_intervals * flow.cpu().numpy() @ self._axes
         sums = self._few.sums(in_interval.astype(np.float32))
         return np.asarray(sums / self._few.counts[:, None], np.float32)
 
@@ -155,7 +154,7 @@ class LiveFit:
         self, near: Sequence[Target], older: Sequence[Target], *, is_backward: bool = False
     ) -> _Pulls:
         """The pulls of targets on a flow, which is forward or backward."""
-        unit = -self._intervals if is_backward else self._intervals
+        unit = -self._usual_intervals if is_backward else self._usual_intervals
         return _Pulls(*([self._pull(target, unit) for target in some] for some in (near, older)))
 
     def _pull(self, target: Target, unit: float) -> _Pull:
@@ -163,15 +162,15 @@ class LiveFit:
 
         `unit` is the time to the next sweep in usual intervals, negative for the backward flow.
         """
-        steps = target.steps_of(self._objects, self._expected) * unit
-        of_points = np.broadcast_to(steps, (len(self._objects), 1))[self._objects.owners]
+        intervals = target.intervals_of(self._objects, self._start) * unit
+        of_points = np.broadcast_to(intervals, (len(self._objects), 1))[self._objects.owners]
         return _Pull(
             self._distance_to(target),
             self._tensor(target.from_current[:3, :3] @ self._axes.T),
             self._tensor(target.from_current[:3, 3]),
             self._tensor(of_points),
             # Each sweep pulls as hard, however far away it is.
-            1.0 / abs(target.steps * unit),
+            1.0 / abs(target.intervals * unit),
         )
 
     def _fit(self, stage: str, pulls: _Pulls, share_of_budget: float) -> None:

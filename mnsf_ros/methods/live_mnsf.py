@@ -26,11 +26,12 @@ from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
 from mnsf_ros.networks.target_distance import TargetDistance
 from mnsf_ros.networks.warm_networks import WarmNetworks
-from mnsf_ros.online.motions import JudgedMotions, judge
+from mnsf_ros.online.first_guess import with_start
+from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
+from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.object_sweep import ObjectSweep
-from mnsf_ros.online.scene import ReadySweeps, Scene
-from mnsf_ros.online.suspects import are_worth_a_fit
+from mnsf_ros.online.preparation import PreparedSweeps, Scene
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Target
 from mnsf_ros.settings import Settings
@@ -43,13 +44,13 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
     `prepare` and `estimate` may run in two threads.
     """
 
-    def __init__(self, settings: Settings, track_numbers: Iterator[int] | None = None) -> None:
+    def __init__(self, settings: Settings, track_ids: Iterator[int] | None = None) -> None:
         """Makes an estimator that has seen nothing yet, see `ObjectFlowEstimator`.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        super().__init__(settings, track_numbers)
+        super().__init__(settings, track_ids)
         self._networks: WarmNetworks | None = None
         # Of the sweeps that may be a target again, as long as these are kept.
         self._distances: MutableMapping[ObjectSweep, TargetDistance] = WeakKeyDictionary()
@@ -60,7 +61,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         self,
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
-        prepared: ReadySweeps | None = None,
+        prepared: PreparedSweeps | None = None,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep, see `ObjectFlowEstimator`.
 
@@ -86,28 +87,31 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             distance_kind=", ".join(sorted(self._kinds)),
         )
 
-    def guesses(
-        self, table: ObjectTable, scene: Scene, clock: StageClock
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Fits the networks.
-
-        Returns the motions of K suspects, (K, 3) metres, and (K,) whether each explains its object
-        clearly better than none.
+    def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
+        """Fits the networks, and rejects suspects that their flow does not explain better.
 
         Raises:
             OptimizationError: If a loss or the flow is not finite.
         """
-        if len(table) == 0:
-            return table.start, np.zeros(0, np.bool_)
+        suspects = table.select(table.open_rows)
+        motions = self._fitted(suspects.points, scene, clock)
+        with clock.stage("residuals"):
+            some = suspects.points.thinner()
+            table = with_start(table, judge(some, scene.targets, motions), scene.targets)
+            rows = table.open_rows
+            kept = table.select(rows)
+            return table.put(rows, moving=judge(kept.points, scene.targets, kept.start))
+
+    def _fitted(
+        self, objects: ObjectPoints, scene: Scene, clock: StageClock
+    ) -> NDArray[np.float32]:
+        """The motions of K objects, (K, 3) metres to the next sweep, by the fitted networks."""
+        if len(objects) == 0:
+            return np.zeros((0, 3), np.float32)
         if self._networks is None:
             self._networks = WarmNetworks(self.settings)
         fit = LiveFit(
-            self._networks,
-            table.points,
-            scene,
-            self._distance_to,
-            self.settings,
-            clock.cancelled,
+            self._networks, objects, scene, self._distance_to, self.settings, clock.cancelled
         )
         try:
             motions = fit.run(clock)
@@ -115,14 +119,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             self._networks = None
             raise
         self._fits = fit.fits
-        with clock.stage("explained"):
-            judged = judge(table.points.thinner(), scene.targets, motions)
-            return motions, are_worth_a_fit(table, judged, scene.targets)
-
-    def moved(self, table: ObjectTable, scene: Scene, clock: StageClock) -> JudgedMotions:
-        """The motions by the networks, (K, 3) metres, and how well they explain the sweeps."""
-        with clock.stage("explained"):
-            return judge(table.points, scene.targets, table.start)
+        return motions
 
     def _distance_to(self, target: Target) -> TargetDistance:
         """D(p, S) of a sweep, built once."""

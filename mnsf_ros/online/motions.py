@@ -1,20 +1,20 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Motions of objects: fitted to one sweep, judged on all, and the best of several (fusion)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
-from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.online.rows import Rows
-from mnsf_ros.online.target import NUM_STEPS, Target, Targets
+from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, Rows
+from mnsf_ros.online.target import NUM_ITERATIONS, Target, Targets
 
-# Nearest points underestimate motion along surfaces: a longer step converges sooner.
-_STEP: Final = 1.8
+# Nearest points underestimate motion along surfaces: longer steps converge sooner.
+_OVER_RELAXATION: Final = 1.8
 # A motion explains clearly more than another one if it leaves less than this share of its residual.
 # A motion that was not fitted to the neighbouring sweeps must do so: over a longer time velocities
 # change, most of all when a vehicle brakes.
@@ -22,12 +22,57 @@ CLEARLY_SHARE: Final = 0.8
 # A motion of this prior cost must have a residual smaller by a factor of e.
 _PRIOR_SCALE: Final = 6.0
 # A motion shifted by this should have a larger residual; along a flat side it does not.
-_BESIDE_M: Final = 0.2
+_SHIFT_M: Final = 0.2
 # Motions are the same if they differ by less than this share of the longer one plus a metre.
 _SAME_SHARE: Final = 0.1
 
-# Motions (K, 3) to their prior costs, see `Expectation.prior_cost`.
-PriorCost = Callable[[NDArray[np.float32]], NDArray[np.float64]]
+
+@dataclass(frozen=True, eq=False)
+class TrackPrior(Rows):
+    """What tracks predict of K objects: the prior of their motions.
+
+    Attributes:
+        shares: (K,) share of an object's points that lie where its track predicts them; 0 without a
+            track.
+        motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
+        turn_rates: (K,) radians per second; 0 without a track.
+        log_odds: (K,) that their track moves; 0 without one.
+        deviations_m: (K,) standard deviation of the motions along each axis; 1 without a track.
+    """
+
+    shares: NDArray[np.float64]
+    motions: NDArray[np.float32]
+    turn_rates: NDArray[np.float64]
+    log_odds: NDArray[np.float64]
+    deviations_m: NDArray[np.float64]
+
+    @classmethod
+    def without_tracks(cls, number: int) -> "TrackPrior":
+        """Returns the prior of so many objects without tracks."""
+        nothing, motions = np.zeros(number), np.zeros((number, 3), np.float32)
+        return cls(nothing, motions, nothing, nothing, np.ones(number))
+
+    @property
+    def has_track(self) -> NDArray[np.bool_]:
+        """(K,) whether an object has a track."""
+        return self.shares > 0
+
+    def cost(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (K,) the prior costs of motions (K, 3), metres: their negative log-likelihood.
+
+        A moving track predicts its object's motion within the errors of the track. If the track
+        does not move, or predicts no more than half of the object's points, all motions are equally
+        likely and the cost is 0, as it is without a track.
+        """
+        moves = expit(self.log_odds) * (self.shares > 0.5)
+        apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
+        return np.asarray(-np.log(moves * np.exp(-apart / 2) + 1 - moves), np.float64)
+
+    def candidates(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Returns (K, 3) metres each: the given motions, and the predictions if there are any."""
+        if not self.has_track.any():
+            return [motions]
+        return [motions, np.where(self.has_track[:, None], self.motions, motions)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +105,19 @@ class JudgedMotions(Rows):
         """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.cost
 
-    def posterior_cost(self, prior_cost: PriorCost) -> NDArray[np.float64]:
+    def posterior_cost(self, prior: TrackPrior) -> NDArray[np.float64]:
         """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""
-        excess = np.exp(prior_cost(self.motions) / _PRIOR_SCALE)
+        excess = np.exp(prior.cost(self.motions) / _PRIOR_SCALE)
         return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
 
     def better(
-        self, other: "JudgedMotions", prior_cost: PriorCost, share: float = 1.0
+        self, other: "JudgedMotions", prior: TrackPrior, share: float = 1.0
     ) -> "JudgedMotions":
         """Returns for each object its own motion, or the other one if that is more likely.
 
         The other motion wins if its posterior cost is less than `share` times the own one.
         """
-        wins = other.posterior_cost(prior_cost) < share * self.posterior_cost(prior_cost)
+        wins = other.posterior_cost(prior) < share * self.posterior_cost(prior)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -102,14 +147,14 @@ def fit_motion_field(
         target: The sweep at t+1 for the forward field, at t-1 for the backward field.
         start: (K, 3) metres, motion to the next sweep to start from.
     """
-    num_steps = target.steps_of(objects, start)
+    intervals = target.intervals_of(objects, start)
     slopes = target.current.ground.slopes(objects.centers)
-    flows = num_steps * start
-    for _ in range(NUM_STEPS):
+    flows = intervals * start
+    for _ in range(NUM_ITERATIONS):
         flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
-        flows += (_STEP * target.pulls(objects, flows)).astype(np.float32)
+        flows += (_OVER_RELAXATION * target.pulls(objects, flows)).astype(np.float32)
     flows[:, 2] = (slopes * flows[:, :2]).sum(axis=1)
-    return np.asarray(flows * (np.float32(target.steps) / num_steps), np.float32)
+    return np.asarray(flows * (np.float32(target.intervals) / intervals), np.float32)
 
 
 def judge(
@@ -143,7 +188,7 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
-    prior_cost: PriorCost,
+    prior: TrackPrior,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -152,16 +197,16 @@ def best_of(
         targets: The other sweeps.
         first: Judged motions.
         others: (K, 3) metres each, further candidates.
-        prior_cost: Of motions.
+        prior: Of motions.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    excess = np.exp(np.concatenate([prior_cost(each) for each in others]) / _PRIOR_SCALE)
-    most_m = np.tile(first.posterior_cost(prior_cost), len(others)) / excess - 2 * NOISE_M
+    excess = np.exp(np.concatenate([prior.cost(each) for each in others]) / _PRIOR_SCALE)
+    most_m = np.tile(first.posterior_cost(prior), len(others)) / excess - 2 * NOISE_M
     motions, new = np.concatenate(others), np.flatnonzero(~np.concatenate(are_again))
-    objects = objects.repeated(len(others)).take(new)
+    objects = objects.repeated(len(others)).select(new)
     found = judge(objects, targets, motions[new], most_m=most_m[new])
     near, past = (
         np.full((len(motions), part.shape[1]), np.inf) for part in (found.near, found.past)
@@ -169,7 +214,7 @@ def best_of(
     near[new], past[new] = found.near, found.past
     judged = JudgedMotions(motions, near, past)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.take(rows), prior_cost)
+        first = first.better(judged.select(rows), prior)
     return first
 
 
@@ -177,9 +222,9 @@ def fuse_motions(
     objects: ObjectPoints,
     targets: Targets,
     forward: NDArray[np.float32],
-    inverted: NDArray[np.float32],
+    inverted: NDArray[np.float32] | None,
     others: Sequence[NDArray[np.float32]],
-    prior_cost: PriorCost,
+    prior: TrackPrior,
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
@@ -187,16 +232,16 @@ def fuse_motions(
         objects: K objects.
         targets: The other sweeps.
         forward: (K, 3) metres, the forward flow.
-        inverted: (K, 3) metres, the inverted backward flow.
+        inverted: (K, 3) metres, the inverted backward flow; None without a previous sweep.
         others: (K, 3) metres each, further candidates.
-        prior_cost: Of motions.
+        prior: Of motions.
     """
+    if inverted is None:
+        return best_of(objects, targets, judge(objects, targets, forward), others, prior)
     mean = np.float32(0.5) * (forward + inverted)
-    fitted = best_of(
-        objects, targets, judge(objects, targets, mean), (forward, inverted), prior_cost
-    )
-    best = best_of(objects, targets, fitted, others, prior_cost)
-    return fitted.better(best, prior_cost, CLEARLY_SHARE)
+    fitted = best_of(objects, targets, judge(objects, targets, mean), (forward, inverted), prior)
+    best = best_of(objects, targets, fitted, others, prior)
+    return fitted.better(best, prior, CLEARLY_SHARE)
 
 
 def residual_rise_m(
@@ -209,8 +254,8 @@ def residual_rise_m(
     """
     angles = np.arange(4)[:, None] * (np.pi / 2) + objects.angles
     motions = np.tile(moving.motions, (5, 1, 1))
-    motions[1:, :, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32)
-    motions[1:, :, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32)
+    motions[1:, :, 0] += (_SHIFT_M * np.cos(angles)).astype(np.float32)
+    motions[1:, :, 1] += (_SHIFT_M * np.sin(angles)).astype(np.float32)
     judged = judge(objects.thinner().repeated(5), targets, motions.reshape(-1, 3))
     own, *others = judged.total.reshape(5, len(objects))
     return np.maximum(np.min(others, axis=0) - own, 0.0)

@@ -7,24 +7,23 @@ from itertools import count
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.online.decision import decided
-from mnsf_ros.online.first_guess import first_guesses
-from mnsf_ros.online.motion_memory import MotionMemory
-from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field, fuse_motions, judge
+from mnsf_ros.online.first_guess import with_first_guesses
+from mnsf_ros.online.gate import decided
+from mnsf_ros.online.motions import fit_motion_field, fuse_motions
+from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.output import flow_of, to_points
+from mnsf_ros.online.preparation import Preparation, PreparedSweeps, Scene
 from mnsf_ros.online.reasons import Reasons
-from mnsf_ros.online.scene import PreparedSweeps, ReadySweeps, Scene
-from mnsf_ros.online.sightings import Sightings
+from mnsf_ros.online.splitting import rejoined
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.table import ObjectTable
-from mnsf_ros.online.tracks import Track
-from mnsf_ros.online.turning import Heads, turning, turns_of
-from mnsf_ros.settings import ObjectSettings, Settings
+from mnsf_ros.online.tracker import Measurements, Tracker, track_prior
+from mnsf_ros.online.turning import with_turns
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _Own = TypeVar("_Own", bound="ObjectFlowEstimator")
@@ -45,12 +44,12 @@ class ObjectFlowEstimator:
         effort: Of the next estimate.
     """
 
-    def __init__(self, settings: Settings, track_numbers: Iterator[int] | None = None) -> None:
+    def __init__(self, settings: Settings, track_ids: Iterator[int] | None = None) -> None:
         """Makes an estimator that has seen nothing yet.
 
         Args:
             settings: Its settings.
-            track_numbers: Numbers of tracks that begin; default: from 1.
+            track_ids: Of tracks that begin; default: from 1.
 
         Raises:
             SettingsError: If the device in the settings is not available.
@@ -63,26 +62,26 @@ class ObjectFlowEstimator:
             carries_state=True,
             max_gap_s=settings.ego_motion.max_gap_s,
         )
-        self._sweeps = PreparedSweeps(settings)
-        self._memory = MotionMemory(settings.warm_start, track_numbers or count(1))
+        self._preparation = Preparation(settings)
+        self._tracker = Tracker(settings.warm_start, track_ids or count(1))
 
     def renewed(self: _Own, settings: Settings) -> _Own:
-        """An estimator that has seen nothing yet; its tracks get other numbers than these."""
-        return type(self)(settings, self._memory.numbers)
+        """An estimator that has seen nothing yet; its tracks get other ids than these."""
+        return type(self)(settings, self._tracker.new_ids)
 
-    def prepare(self, triplet: SweepTriplet) -> ReadySweeps:
-        """Makes the sweeps of a triplet ready: ego motion, crop, ground, objects.
+    def prepare(self, triplet: SweepTriplet) -> PreparedSweeps:
+        """Prepares the sweeps of a triplet: ego motion, crop, ground, own body, objects.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep.
         """
-        return self._sweeps.ready(triplet)
+        return self._preparation.prepare(triplet)
 
     def estimate(
         self,
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
-        prepared: ReadySweeps | None = None,
+        prepared: PreparedSweeps | None = None,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
@@ -95,36 +94,39 @@ class ObjectFlowEstimator:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock, effort = StageClock(cancelled), self.effort
+        clock, effort, start = StageClock(cancelled), self.effort, self._tracker.start
+        stamp_ns, interval_s = triplet.current.stamp_ns, triplet.interval_s
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
-            ready = self.prepare(triplet) if prepared is None else prepared
-            start = self._memory.start
-            tracks = self._memory.expected(triplet.current.stamp_ns, triplet.interval_s)
-            scene = Scene.of(triplet, ready, tracks, start, self.settings.objects, effort)
-        with clock.stage("objects"):
-            table = ObjectTable.of(scene)
-            table = with_suspects(table, scene.targets, _max_suspects(scene.settings, effort))
-        table = self._with_start(table, scene, clock)
-        table = self._with_motions(table, scene, clock)
+            prepared = prepared or self.prepare(triplet)
+            scene = Scene.of(triplet, prepared, self.settings.objects, effort)
+        world_from_sensor = scene.current.pose.world_from_sensor
+        with clock.stage("suspects"):
+            objects = ObjectPoints.of(scene.current, scene.settings)
+            tracks = self._tracker.predicted(stamp_ns, interval_s)
+            prior = track_prior(tracks, objects, world_from_sensor, scene.interval_s)
+            wholes = scene.current.wholes[objects.numbers]
+            table = ObjectTable.begun(objects, wholes, prior, scene.targets)
+            table = with_suspects(table, scene.targets, scene.settings.max_suspects)
+        table = self.find_motions(table, scene, clock)
         with clock.stage("gate"):
             table = decided(table, scene)
-            current = scene.current.with_parts_beside(table.movers.points.numbers)
-            scene = replace(scene, current=current)
-        with clock.stage("turns"):
-            seen = Sightings.of(table, scene.current.pose.world_from_sensor, scene.usual_interval_s)
-            heads = turning_heads(table.movers, seen, scene)
+            scene = replace(scene, current=rejoined(scene.current, table.movers.points.numbers))
+        with clock.stage("turning"):
+            table = with_turns(table, scene)
         with clock.stage("tracks"):
-            tracks, ids = self._followed(scene, table.movers, seen, heads)
+            measured = Measurements.of(table, world_from_sensor, scene.usual_interval_s)
+            tracks, ids = self._tracker.update(tracks, measured, stamp_ns, interval_s)
+            table = table.put(table.followed_rows, track_ids=ids[table.groups[table.followed_rows]])
         with clock.stage("output"):
-            over_ground = to_points(scene, table, heads, tracks, ids)
+            over_ground = to_points(scene, table, tracks)
             flow = flow_of(scene.current, over_ground)
         return FlowEstimate(
             flow=flow,
             kept=scene.current.kept,
             times_ms=clock.times_ms,
-            start=scene.start,
+            start=start,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
             num_own=int(np.count_nonzero(scene.current.own)),
@@ -133,68 +135,29 @@ class ObjectFlowEstimator:
             reason_of=Reasons(scene, table),
         )
 
-    def _with_start(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `start` of the suspects, and rejects those that no motion explains better."""
-        rows = table.open_rows
-        start, are_worth = self.guesses(table.take(rows), scene, clock)
-        table = table.put(rows, start=start)
-        return table.rejected(rows[~are_worth], Verdict.NO_BETTER_MOTION)
+    def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
+        """Fills `start` and `moving` of the suspects, and rejects those that do not need a motion.
 
-    def _with_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `moving` of the objects that are left."""
-        rows = table.open_rows
-        return table.put(rows, moving=self.moved(table.take(rows), scene, clock))
-
-    def _followed(
-        self, scene: Scene, movers: ObjectTable, seen: Sightings, heads: Heads
-    ) -> tuple[list[Track], NDArray[np.int64]]:
-        """The tracks after this sweep, and the track numbers of its movers."""
-        turn_rates = np.zeros(len(seen))
-        turn_rates[movers.groups] = turns_of(heads) / scene.usual_interval_s
-        seen = replace(seen, turn_rates=turn_rates)
-        stamp_ns = scene.current.sweep.stamp_ns
-        tracks, ids = self._memory.follow(scene.tracks, seen, stamp_ns, scene.interval_s)
-        return tracks, ids[movers.groups]
-
-    def guesses(
-        self, table: ObjectTable, scene: Scene, clock: StageClock
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Initial motions of K suspects, (K, 3) metres, and (K,) whether a fit is worth it."""
-        with clock.stage("first guess"):
-            return first_guesses(table, scene)
-
-    def moved(self, table: ObjectTable, scene: Scene, clock: StageClock) -> JudgedMotions:
-        """Forward field, backward field, inversion, fusion.
+        Forward field, backward field, inversion, fusion; each starts from a first guess.
 
         Args:
-            table: K objects, with the motions that the fits start from.
-            scene: The other sweeps.
+            table: All objects; the open ones are suspects.
+            scene: The sweeps.
             clock: Of the estimate.
         """
-        objects, start, targets = table.points, table.start, scene.targets
-        next_, *previous = targets.near
-        others, prior_cost = table.expected.candidates(start), table.expected.prior_cost
-        with clock.stage("fit to next"):
-            forward = fit_motion_field(objects, next_, start)
-        if not previous:
-            with clock.stage("best motion"):
-                return best_of(
-                    objects, targets, judge(objects, targets, forward), others, prior_cost
-                )
-        with clock.stage("fit to previous"):
-            backward = fit_motion_field(objects, previous[0], start)
-        inverted = backward / np.float32(previous[0].steps)
-        with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, inverted, others, prior_cost)
-
-
-def _max_suspects(settings: ObjectSettings, effort: Effort) -> int:
-    return max(1, settings.max_suspects // {Effort.HALF: 2, Effort.LEAST: 4}.get(effort, 1))
-
-
-def turning_heads(movers: ObjectTable, seen: Sightings, scene: Scene) -> Heads:
-    """The heads (K, 3, 3) of K movers: their motions and turns."""
-    things, groups = np.unique(movers.groups, return_inverse=True)
-    turns = np.zeros(len(things))
-    turns[groups] = movers.expected.turn_rates * scene.usual_interval_s
-    return turning(movers.points, groups, seen.motions[things], turns, scene.targets)
+        with clock.stage("first guess"):
+            table = with_first_guesses(table, scene)
+        rows, targets = table.open_rows, scene.targets
+        suspects = table.select(rows)
+        objects, start, prior = suspects.points, suspects.start, suspects.prior
+        with clock.stage("forward"):
+            forward = fit_motion_field(objects, targets.next, start)
+        inverted = None
+        if targets.previous is not None:
+            with clock.stage("backward"):
+                backward = fit_motion_field(objects, targets.previous, start)
+                inverted = backward / np.float32(targets.previous.intervals)
+        with clock.stage("fusion"):
+            others = prior.candidates(start)
+            moving = fuse_motions(objects, targets, forward, inverted, others, prior)
+        return table.put(rows, moving=moving)

@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The points that represent each object, and sums over them."""
+"""Objects of a sweep: records with a row for each, and the points that represent them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.object_sweep import ObjectSweep
-from mnsf_ros.online.rows import Rows
 from mnsf_ros.settings import ObjectSettings
+
+_Own = TypeVar("_Own", bound="Rows")
+
 
 # Distance between points of the same surface in two sweeps: noise and thinning at short range, the
 # spacing of the beams at long range.
@@ -20,6 +22,31 @@ NOISE_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
 # This many points of an object are enough to compare motions roughly.
 _FEW: Final = 16
+
+
+class Rows:
+    """Base of frozen dataclasses whose fields are arrays (K, ...) or such records themselves."""
+
+    def select(self: _Own, rows: NDArray[np.int64]) -> _Own:
+        """Returns the record of some of the objects, by their rows."""
+        taken: dict[str, Any] = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            column = getattr(self, field.name)
+            taken[field.name] = column.select(rows) if isinstance(column, Rows) else column[rows]
+        return replace(self, **taken)  # type: ignore[type-var]
+
+    def put(self: _Own, rows: NDArray[np.int64], **columns: Any) -> _Own:  # noqa: ANN401
+        """Returns the record with other values in some rows of these columns."""
+        changed: dict[str, Any] = {}
+        for name, values in columns.items():
+            column = getattr(self, name)
+            if isinstance(column, Rows):
+                own = {field.name: getattr(values, field.name) for field in fields(values)}
+                changed[name] = column.put(rows, **own)
+            else:
+                changed[name] = column.copy()
+                changed[name][rows] = values
+        return replace(self, **changed)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +89,7 @@ class ObjectPoints(Rows):
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 
-    def take(self, rows: NDArray[np.int64]) -> "ObjectPoints":
+    def select(self, rows: NDArray[np.int64]) -> "ObjectPoints":
         """Returns some of the objects, by their rows, which rise."""
         places = np.full(len(self), -1)
         places[rows] = np.arange(len(rows))
@@ -90,8 +117,8 @@ class ObjectPoints(Rows):
 
     def thinner(self) -> "ObjectPoints":
         """Returns the same objects with few points each."""
-        step = np.maximum(1, -(-self.counts // _FEW))[self.owners]
-        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
+        stride = np.maximum(1, -(-self.counts // _FEW))[self.owners]
+        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % stride == 0
         return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
 
     def _with_points(

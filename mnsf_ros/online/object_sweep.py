@@ -41,7 +41,7 @@ class ObjectSweep:
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
         grid: The thinned points in cells.
-        wholes: (all objects,) int, the object that each was cut out of, see `with_parts`; else its
+        wholes: (all objects,) int, the object that each was cut out of, see `split`; else its
             own number.
     """
 
@@ -132,54 +132,17 @@ class ObjectSweep:
         """(all objects,) those that are not too long to move."""
         return np.asarray(self.sizes < self._max_size_m)
 
-    def with_parts(self, rows: NDArray[np.int64]) -> "ObjectSweep":
-        """Returns the same sweep with some thinned points and their surroundings as new objects.
-
-        Args:
-            rows: (P,) the points; touching ones of one object are a part of it, if the part is no
-                more than half of the object. Otherwise they stay in the object.
-        """
-        if len(rows) == 0:
-            return self
-        chosen = np.take(self.thinned, rows, axis=0)
-        parts = Segmentation(chosen, TOUCH_M)
-        is_split = np.zeros(self.num_objects, np.bool_)
-        is_split[self.thinned_objects[rows]] = True
-
-        def keys_of(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-            return parts.objects_of(points) * self.num_objects + objects
-
-        keys = np.unique(keys_of(chosen, self.thinned_objects[rows]))
-
-        def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-            own = np.flatnonzero(is_split[objects])
-            wanted, changed = keys_of(np.take(points, own, axis=0), objects[own]), objects.copy()
-            places = np.searchsorted(keys, wanted)
-            is_part = np.append(keys, -1)[places] == wanted
-            changed[own[is_part]] = places[is_part] + self.num_objects
-            return changed
-
-        labels = apart(self.thinned, self.thinned_objects)
-        counts = np.bincount(labels, minlength=self.num_objects + len(keys))[self.num_objects :]
-        keys = keys[2 * counts <= self.counts[keys % self.num_objects]]
-        return self._relabelled(apart, np.append(self.wholes, keys % self.num_objects))
-
-    def with_parts_beside(self, numbers: NDArray[np.int64]) -> "ObjectSweep":
-        """Returns the same sweep; parts are merged into their wholes again, except these numbers.
-
-        If one part of a whole is among these numbers, the other parts of this whole stay separate,
-        too: they may be fragments of it.
-        """
-        split = np.setdiff1d(self.wholes[numbers], numbers)
-        after = np.where(np.isin(self.wholes, split), np.arange(self.num_objects), self.wholes)
-        return self._relabelled(lambda _, objects: after[objects], self.wholes)
-
-    def _relabelled(
+    def relabelled(
         self,
         relabel: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.int64]],
         wholes: NDArray[np.int64],
     ) -> "ObjectSweep":
-        """Returns the same sweep with other objects, made of points (N, 3) and their old ones."""
+        """Returns the same sweep with its points in other objects.
+
+        Args:
+            relabel: Points (N, 3) and their objects (N,) to their new objects (N,).
+            wholes: Of the new objects.
+        """
         other = copy(self)
         for derived in ("members", "may_move"):
             other.__dict__.pop(derived, None)

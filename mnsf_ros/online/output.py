@@ -1,55 +1,47 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Output: motions of objects, given to all points of the sweep."""
+"""Output: motions of objects, given to all points of the sweep, and the tracked objects."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.core.flow_estimate import OverGround
+from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, standing_confidence
-from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, spacing_of
+from mnsf_ros.online.attachments import rows_of_movers
+from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, static_confidence
 from mnsf_ros.online.object_sweep import ObjectSweep
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
-from mnsf_ros.online.tracked_objects import tracked_objects
-from mnsf_ros.online.tracks import Track
-from mnsf_ros.online.turning import Heads, encoded, headed
+from mnsf_ros.online.tracker import Track
+from mnsf_ros.online.turning import encoded, headed
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
-def to_points(
-    scene: Scene,
-    table: ObjectTable,
-    heads: Heads,
-    tracks: Sequence[Track],
-    ids: NDArray[np.int64],
-) -> OverGround:
+def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> OverGround:
     """Returns motion, confidence and track of all points of the current sweep.
 
     Args:
         scene: The sweeps.
-        table: Its objects, K of which move.
-        heads: (K, 3, 3) motions and turns of these K.
+        table: Its objects.
         tracks: All tracks.
-        ids: (K,) the numbers of the K objects' tracks.
     """
-    current, next_ = scene.current, scene.targets.near[0]
-    owners, movers, doubtful = current.objects(), table.movers, table.doubtful
-    rows = _rows_of_movers(scene, movers, doubtful.points.numbers, owners)
+    current, next_ = scene.current, scene.targets.next
+    objects, movers = current.objects(), table.movers
+    rows = rows_of_movers(scene, table, objects)
     is_dynamic = rows >= 0
-    own = np.flatnonzero(is_dynamic)
-    rows = rows[own]
-    motion = np.zeros((len(owners), 3), np.float32)
-    track_ids = np.zeros(len(owners), np.int32)
-    offsets = np.take(current.xyz, own, axis=0) - movers.points.centers[rows]
-    motion[own], track_ids[own] = headed(encoded(offsets), rows, heads), ids[rows]
-    confidence = _static_confidence(current, owners, doubtful)
-    confidence[own] = moving_confidence(movers.moving, movers.scores, movers.residual_rise)[rows]
+    moving = np.flatnonzero(is_dynamic)
+    rows = rows[moving]
+    motion = np.zeros((len(objects), 3), np.float32)
+    offsets = np.take(current.xyz, moving, axis=0) - movers.points.centers[rows]
+    motion[moving] = headed(encoded(offsets), rows, movers.heads)
+    track_ids = np.zeros(len(objects), np.int32)
+    track_ids[moving] = movers.track_ids[rows]
+    confidence = _static_confidence(current, objects, table.doubtful)
+    of_movers = moving_confidence(movers.moving, movers.log_odds, movers.residual_rise)
+    confidence[moving] = of_movers[rows]
     source = next_.sweep.pose.source
     if source is EgoSource.CONSTANT_VELOCITY:
         # Without the ego motion, no flow is known.
@@ -86,123 +78,124 @@ def flow_of(current: ObjectSweep, over_ground: OverGround) -> NDArray[np.float32
     return flow
 
 
-def _rows_of_movers(
-    scene: Scene,
-    moving: ObjectTable,
-    doubtful: NDArray[np.int64],
-    owners: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Returns (N,) the mover from 0 that each point, of an object (N,), moves with; -1 for none.
-
-    Suspects that were not found to move, with these numbers, may be fragments of movers.
-    """
-    current, movers = scene.current, moving.points
-    rows = movers.rows_of(current.num_objects)[owners]
-    are_loose = current.counts < scene.settings.min_points
-    are_loose[doubtful] = True
-    # A static whole with a moving part is no fragment.
-    are_loose[current.wholes[movers.numbers]] = False
-    are_loose[0] = False
-    beside, their_rows = attached(current, owners, movers, are_loose)
-    rows[beside] = their_rows
-    if current.clock is not None:
-        velocities = moving.moving.motions[movers.owners] / np.float32(scene.usual_interval_s)
-        again, their_rows = current.clock.owners_again(
-            current.xyz, movers.positions, velocities, movers.owners
-        )
-        is_free = rows[again] < 0
-        rows[again[is_free]] = their_rows[is_free]
-    return rows
-
-
 def _static_confidence(
-    current: ObjectSweep, owners: NDArray[np.int64], doubtful: ObjectTable
+    current: ObjectSweep, objects: NDArray[np.int64], doubtful: ObjectTable
 ) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
-    confidence = standing_confidence(current.xyz)
+    confidence = static_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
-    doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.standing)
-    in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
-    confidence[in_doubt] = doubts[owners[in_doubt]]
+    doubts[doubtful.points.numbers] = doubtful_confidence(doubtful.static)
+    in_doubt = np.flatnonzero(~np.isnan(doubts)[objects])
+    confidence[in_doubt] = doubts[objects[in_doubt]]
     return confidence
 
 
-def attached(
-    current: ObjectSweep,
-    owners: NDArray[np.int64],
-    movers: ObjectPoints,
-    is_loose: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns which points beside movers move with them.
+def tracked_objects(
+    tracks: Sequence[Track], current: ObjectSweep, point_ids: NDArray[np.int32]
+) -> tuple[TrackedObject, ...]:
+    """Returns the objects that move, those seen and those hidden at present.
 
     Args:
+        tracks: K tracks at the time of the current sweep.
         current: The sweep.
-        owners: (N,) the object of each point, see `ObjectSweep.objects`.
-        movers: K objects that move.
-        is_loose: (all objects of the sweep,) those that may be fragments: not known to be static.
-
-    Returns:
-        (M,) the points, none of the movers' own among them, and (M,) the row of the mover of each.
+        point_ids: (N,) the number of the track that each of its points belongs to, 0 for none.
     """
-    if len(movers) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    points, point_rows = movers.all_points(current)
-    may_belong = is_loose[owners] | (current.heights > NOISE_M) & ~current.kept
-    beside = _beside(points, current.xyz, may_belong)
-    theirs, places = owners[beside], np.take(current.xyz, beside, axis=0)
-    nearest = np.full(len(beside), -1)
-    is_part = is_loose[theirs]
-    nearest[is_part] = PointGrid(points).nearest(places[is_part])
-    # Points taken for ground belong to a mover if their height above the ground exceeds their
-    # horizontal distance to the mover.
-    higher_m = current.heights[beside] - spacing_of(places) / 2
-    is_low = ~is_part & (higher_m > 0)
-    nearest[is_low] = _above(points, places[is_low], higher_m[is_low])
-    # A fragment moves as a whole, or not at all.
-    whole = np.bincount(owners[is_loose[owners]], minlength=current.num_objects)
-    goes = 2 * np.bincount(theirs[nearest >= 0], minlength=current.num_objects) > whole
-    is_attached = (nearest >= 0) & goes[theirs]
-    return beside[is_attached], point_rows[nearest[is_attached]]
+    turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
+    motion = current.pose.motion
+    stamp_from_moment = np.eye(4)
+    if motion is not None:
+        stamp_from_moment = np.asarray(np.linalg.inv(motion.moment_from_stamp), np.float64)
+    moving = np.flatnonzero(point_ids > 0)
+    moving = moving[np.argsort(point_ids[moving], kind="stable")]
+    ids = point_ids[moving]
+    found = []
+    for track in tracks:
+        seen = moving[slice(*np.searchsorted(ids, (track.track_id, track.track_id + 1)))]
+        points = np.take(current.xyz, seen, axis=0)
+        if len(seen) == 0:
+            points = turned(track.points - place, turn.T).astype(np.float32)
+        if len(seen) or _is_hidden(track, points, current):
+            found.append(_told(track, points, current, seen, stamp_from_moment))
+    return tuple(found)
 
 
-def _above(
-    points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.floating[Any]]
-) -> NDArray[np.int64]:
-    """Returns (P,) the row of the point nearest to each place (P, 3) in the view from above.
+def _told(
+    track: Track,
+    points: NDArray[np.float32],
+    current: ObjectSweep,
+    seen: NDArray[np.int64],
+    stamp_from_moment: NDArray[np.float64],
+) -> TrackedObject:
+    """A track at the stamp of the sweep, in the frame of the sensor then.
 
-    It is -1 if none is within (P,) metres. Height differences do not count: between beams a mover
-    may have no points over any height.
+    Args:
+        track: The track.
+        points: (P, 3) metres, where its points are in one moment.
+        current: The sweep.
+        seen: Their rows in the sweep; none if it is hidden.
+        stamp_from_moment: (4, 4) from the frame of the moment.
     """
-    on_ground = np.array([1, 1, 0], np.float32)
-    nearest = PointGrid(points * on_ground).nearest(places * on_ground)
-    distances = np.hypot(*(np.take(points, nearest, axis=0) - places)[:, :2].T)
-    return np.where(distances < within_m, nearest, -1)
+    velocity = current.pose.world_from_sensor[:3, :3].T @ track.velocity
+    box = _box(points, velocity)
+    center, motion, times_s = box[:3], current.pose.motion, current.sweep.times_s
+    if motion is not None and times_s is not None:
+        # The points of a mover hold for the time at which they were measured.
+        center = center - velocity * (times_s[seen].mean() if len(seen) else motion.moment_s)
+    turn = stamp_from_moment[:3, :3]
+    x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
+    return TrackedObject(
+        track_id=track.track_id,
+        center=turn @ center + stamp_from_moment[:3, 3],
+        size=box[3:6],
+        yaw=float(np.arctan2(y, x)),
+        velocity=turn @ velocity,
+        turn_rate=track.turn_rate,
+        covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
+        age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
+        num_points=len(seen),
+    )
 
 
-@compiled("int64[::1](float32[:, ::1], float32[:, ::1], boolean[::1])")
-def _beside(
-    points: NDArray[np.float32], places: NDArray[np.float32], wanted: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Returns the rows of the wanted places (N, 3) that are near points (P, 3) as seen from above.
+def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
+    """Whether the object likely moves, and most of its predicted points (P, 3) are occluded."""
+    return track.log_odds > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(
+        points
+    )
 
-    Near is: in the cells of the points or in neighbouring cells, a little beyond the reach.
+
+@compiled("float64[::1](float32[:, ::1], float64[::1])")
+def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the upright box (7,) around points (P, 3), P > 0: center and size, metres, and yaw.
+
+    Its yaw is the direction of the velocity (3,), or the longest direction if that gives a smaller
+    box: for slow objects the direction of the velocity is mostly noise.
     """
-    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    middle = np.zeros(3)
     for row in range(len(points)):
-        low_x, high_x = min(low_x, points[row, 0]), max(high_x, points[row, 0])
-        low_y, high_y = min(low_y, points[row, 1]), max(high_y, points[row, 1])
-    low_x, low_y = low_x - REACH_M, low_y - REACH_M
-    num_rows = int((high_x - low_x) / REACH_M) + 2
-    num_columns = int((high_y - low_y) / REACH_M) + 2
-    is_beside = np.zeros((num_rows, num_columns), np.bool_)
+        for axis in range(3):
+            middle[axis] += points[row, axis] / len(points)
+    across, along = 0.0, 0.0
     for row in range(len(points)):
-        x, y = int((points[row, 0] - low_x) / REACH_M), int((points[row, 1] - low_y) / REACH_M)
-        is_beside[x - 1 : x + 2, y - 1 : y + 2] = True
-    found, number = np.empty(len(places), np.int64), 0
-    for row in range(len(places)):
-        x, y = (places[row, 0] - low_x) / REACH_M, (places[row, 1] - low_y) / REACH_M
-        is_inside = (0 <= x < num_rows) & (0 <= y < num_columns)
-        if wanted[row] and is_inside and is_beside[int(x), int(y)]:
-            found[number] = row
-            number += 1
-    return found[:number].copy()
+        x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+        across += 2 * x * y
+        along += x * x - y * y
+    goes, longest = np.arctan2(velocity[1], velocity[0]), np.arctan2(across, along) / 2
+    if np.cos(longest - goes) < 0:
+        longest += np.pi
+    box = np.full(7, np.inf)
+    low, high, place = np.empty(3), np.empty(3), np.empty(3)
+    for yaw in (goes, longest):
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        low[:], high[:] = np.inf, -np.inf
+        for row in range(len(points)):
+            x, y = points[row, 0] - middle[0], points[row, 1] - middle[1]
+            place[0], place[1] = cosine * x + sine * y, cosine * y - sine * x
+            place[2] = points[row, 2] - middle[2]
+            for axis in range(3):
+                low[axis], high[axis] = min(low[axis], place[axis]), max(high[axis], place[axis])
+        size = high - low
+        if size[0] * size[1] < box[3] * box[4]:
+            x, y, z = (low + high) / 2
+            box[0], box[1] = middle[0] + cosine * x - sine * y, middle[1] + sine * x + cosine * y
+            box[2], box[3:6], box[6] = middle[2] + z, size, yaw
+    return box

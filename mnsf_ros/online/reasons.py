@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, V
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import FITTED, ObjectTable
 from mnsf_ros.online.target import Target
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -38,8 +38,8 @@ class Reasons:
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
             return Reason(Verdict.OWN_BODY)
-        owners = current.objects()[rows]
-        number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
+        objects = current.objects()[rows]
+        number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:
             return Reason(Verdict.NO_OBJECT)
         num_points = int(current.counts[number])
@@ -53,7 +53,7 @@ class Reasons:
             motion = self.table.moving.motions[row]
             evidence = {
                 "points new or gone": float(self.table.free[row]),
-                "probability": float(expit(self.table.scores[row])),
+                "probability": float(expit(self.table.log_odds[row])),
             }
         return Reason(
             verdict,
@@ -75,7 +75,7 @@ class Reasons:
     def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
         """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
-        own = objects.take(np.flatnonzero(objects.numbers == number))
+        own = objects.select(np.flatnonzero(objects.numbers == number))
         if len(own) == 0:
             return ()
         no_motion = np.zeros(3, np.float32)

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import Verdict
-from mnsf_ros.online.motions import CLEARLY_SHARE, JudgedMotions, judge
+from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_points import NOISE_M
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Targets
@@ -13,6 +13,8 @@ from mnsf_ros.online.target import Targets
 
 def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> ObjectTable:
     """Rejects objects that other sweeps support as static, and those beyond the work limit.
+
+    Fills `static` of the suspects.
 
     Args:
         table: The objects.
@@ -22,13 +24,13 @@ def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> Ob
     is_suspect = _are_suspects(table, targets)
     table = table.rejected(np.flatnonzero(~is_suspect), Verdict.NOT_SUSPECTED)
     rows = np.flatnonzero(is_suspect)
-    points = table.points.take(rows)
+    points = table.points.select(rows)
     no_motion = np.zeros((len(rows), 3), np.float32)
-    table = table.put(rows, standing=judge(points.thinner(), targets, no_motion))
+    table = table.put(rows, static=judge(points.thinner(), targets, no_motion))
     if len(rows) <= max_suspects:
         return table
     ranges = (points.centers**2).sum(axis=1)
-    order = np.lexsort((ranges, table.expected.scores[rows] <= 0))
+    order = np.lexsort((ranges, table.prior.log_odds[rows] <= 0))
     return table.rejected(rows[order[max_suspects:]], Verdict.LEFT_OUT)
 
 
@@ -40,23 +42,12 @@ def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
     too: of a long side that slides along itself only the ends change.
     """
     some, others = table.points.thinner(), targets.past or targets.near
-    is_suspect, is_known = np.ones(len(table), dtype=bool), table.expected.is_known
+    is_suspect, has_track = np.ones(len(table), dtype=bool), table.prior.has_track
     # The oldest first: it decides most objects, and few remain for the other sweeps.
     for target in reversed(others):
-        rows = np.flatnonzero(is_suspect & ~is_known)
-        left_m = target.residuals(some.take(rows), np.zeros((len(rows), 3), np.float32))
+        rows = np.flatnonzero(is_suspect & ~has_track)
+        residuals = target.residuals(some.select(rows), np.zeros((len(rows), 3), np.float32))
         # An object with a residual within the noise is not a suspect.
-        is_suspect[rows] = left_m > 2 * NOISE_M
-    changed = np.concatenate([target.objects_beside_gone for target in others])
-    return np.asarray(is_suspect | np.isin(table.points.numbers, changed))
-
-
-def are_worth_a_fit(
-    table: ObjectTable, moving: JudgedMotions, targets: Targets
-) -> NDArray[np.bool_]:
-    """Returns (K,) the objects that motions explain clearly better, or that have a track.
-
-    Without older sweeps all objects are worth a fit: the neighbouring sweeps cannot decide.
-    """
-    explains = moving.total < CLEARLY_SHARE * table.standing.total
-    return table.expected.is_known | explains | (not targets.past)
+        is_suspect[rows] = residuals > 2 * NOISE_M
+    near_gone = np.concatenate([target.objects_near_gone for target in others])
+    return np.asarray(is_suspect | np.isin(table.points.numbers, near_gone))

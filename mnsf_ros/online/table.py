@@ -3,17 +3,15 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import Verdict
-from mnsf_ros.online.expectation import Expectation
-from mnsf_ros.online.motions import JudgedMotions
-from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.rows import Rows
-from mnsf_ros.online.scene import Scene
+from mnsf_ros.online.motions import JudgedMotions, TrackPrior
+from mnsf_ros.online.object_points import ObjectPoints, Rows
+from mnsf_ros.online.target import Targets
 
 # Columns of the evidence for and against a motion.
 NUM_FEATURES: Final = 8
@@ -25,98 +23,122 @@ FITTED: Final = (Verdict.DYNAMIC, Verdict.REFUSED, Verdict.PARTLY)
 class ObjectTable(Rows):
     """K objects that are neither too small nor too large to move, a row each.
 
-    Each stage fills columns of some objects, and sets the verdict of those that it rejects. An
-    object that no stage rejects is dynamic.
+    Each stage fills columns of the objects that are still open, and writes the verdict on those
+    that it rejects. The gate leaves none open.
 
     Attributes:
         points: Their points, and their numbers in the sweep.
         wholes: (K,) the object that each was cut out of, else its own number.
         verdicts: (K,) of `Verdict`.
-        expected: Predictions of their tracks.
-        standing: Residuals as static objects, from a few points of each; for suspects only.
+        prior: What their tracks predict.
+        static: Residuals as static objects, from a few points of each; for suspects only.
         start: (K, 3) metres to the next sweep, initial value of the fit of the motion.
         moving: The estimated motion and its residuals.
         free: (K,) points new or gone, see `free_space`.
         evidence: (K, E) features for and against the motion.
-        scores: (K,) logarithm of the odds that it moves.
+        log_odds: (K,) that it moves.
         residual_rise: (K,) metres, rise of the residual for shifted motions, see `residual_rise_m`.
         groups: (K,) the group of objects that move, or may move, alike; else -1.
+        heads: (K, 3, 3) motion and turn of movers, see `turning.Heads`.
+        track_ids: (K,) the track of objects in groups, else 0.
     """
 
     points: ObjectPoints
     wholes: NDArray[np.int64]
     verdicts: NDArray[np.object_]
-    expected: Expectation
-    standing: JudgedMotions
+    prior: TrackPrior
+    static: JudgedMotions
     start: NDArray[np.float32]
     moving: JudgedMotions
     free: NDArray[np.float64]
     evidence: NDArray[np.float64]
-    scores: NDArray[np.float64]
+    log_odds: NDArray[np.float64]
     residual_rise: NDArray[np.float64]
     groups: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, scene: Scene) -> "ObjectTable":
-        """Returns the table of the current sweep, before any stage."""
-        current = scene.current
-        points = ObjectPoints.of(current, scene.settings)
-        pose = current.pose.world_from_sensor
-        expected = Expectation.of(points, scene.tracks, pose, scene.interval_s)
-        num_sweeps = len(scene.targets.near), len(scene.targets.past)
-        return cls.begun(points, current.wholes[points.numbers], expected, *num_sweeps)
+    heads: NDArray[np.float64]
+    track_ids: NDArray[np.int64]
 
     @classmethod
     def begun(
-        cls,
-        points: ObjectPoints,
-        wholes: NDArray[np.int64],
-        expected: Expectation,
-        num_near: int,
-        num_past: int,
+        cls, points: ObjectPoints, wholes: NDArray[np.int64], prior: TrackPrior, targets: Targets
     ) -> "ObjectTable":
-        """Returns a table of objects for some near and past targets, before any stage."""
+        """Returns the table before any stage: all objects are open."""
         number = len(points)
         unknown = JudgedMotions(
             np.zeros((number, 3), np.float32),
-            np.full((number, num_near), np.nan),
-            np.full((number, num_past), np.nan),
+            np.full((number, len(targets.near)), np.nan),
+            np.full((number, len(targets.past)), np.nan),
         )
         return cls(
             points=points,
             wholes=wholes,
-            verdicts=np.full(number, Verdict.DYNAMIC, object),
-            expected=expected,
-            standing=unknown,
+            verdicts=np.full(number, Verdict.OPEN, object),
+            prior=prior,
+            static=unknown,
             start=unknown.motions,
             moving=unknown,
             free=np.zeros(number),
             evidence=np.zeros((number, NUM_FEATURES)),
-            scores=np.zeros(number),
+            log_odds=np.zeros(number),
             residual_rise=np.zeros(number),
             groups=np.full(number, -1),
+            heads=np.zeros((number, 3, 3)),
+            track_ids=np.zeros(number, np.int64),
         )
 
     def __len__(self) -> int:
         return len(self.points)
 
-    @property
-    def open_rows(self) -> NDArray[np.int64]:
-        """Rows of the objects that no stage has rejected yet."""
-        return np.flatnonzero(self.verdicts == Verdict.DYNAMIC)
-
     def rejected(self, rows: NDArray[np.int64], verdict: Verdict) -> "ObjectTable":
         """Returns the table with a verdict on some objects."""
         return self.put(rows, verdicts=verdict)
 
+    @property
+    def open_rows(self) -> NDArray[np.int64]:
+        """Rows of the objects that no stage has decided yet."""
+        return np.flatnonzero(self.verdicts == Verdict.OPEN)
+
+    @property
+    def mover_rows(self) -> NDArray[np.int64]:
+        """Rows of the objects that move."""
+        return np.flatnonzero(self.verdicts == Verdict.DYNAMIC)
+
+    @property
+    def followed_rows(self) -> NDArray[np.int64]:
+        """Rows of the objects that move, or may move."""
+        return np.flatnonzero(self.groups >= 0)
+
     @cached_property
     def movers(self) -> "ObjectTable":
         """The objects that move."""
-        return self.take(self.open_rows)
+        return self.select(self.mover_rows)
 
     @property
     def doubtful(self) -> "ObjectTable":
         """The suspects that were not found to move, with those beyond the limit of the work."""
-        is_open = self.verdicts == Verdict.DYNAMIC
-        is_known = self.verdicts == Verdict.NOT_SUSPECTED
-        return self.take(np.flatnonzero(~is_open & ~is_known))
+        is_certain = self.verdicts == Verdict.NOT_SUSPECTED
+        return self.select(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
+
+    @property
+    def num_groups(self) -> int:
+        """Number of groups of objects that move, or may move, alike."""
+        return int(self.groups.max(initial=-1)) + 1
+
+    @property
+    def group_motions(self) -> NDArray[np.float64]:
+        """(G, 3) metres, the mean motions of the groups' points to the next sweep."""
+        followed = self.select(self.followed_rows)
+        counts = followed.points.counts.astype(np.float64)
+        weights = np.bincount(followed.groups, counts, self.num_groups)[:, None]
+        weighted = followed.moving.motions * counts[:, None]
+        return np.asarray(
+            sums_by_group(weighted, followed.groups, self.num_groups) / weights, np.float64
+        )
+
+
+def sums_by_group(
+    values: NDArray[Any], groups: NDArray[np.int64], number: int
+) -> NDArray[np.float64]:
+    """Returns (number, 3) the sums of the rows (M, 3) of each group; groups (M,) of rows."""
+    columns = [np.bincount(groups, values[:, axis], number) for axis in range(3)]
+    return np.stack(columns, axis=1)

@@ -18,11 +18,11 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Limit of the residual of a point that would be hidden or out of view; else it is the reach.
 _HIDDEN_M: Final = 0.1
-# Steps of the fit of a motion to a target.
-NUM_STEPS: Final = 4
+# Iterations of the fit of a motion to a target.
+NUM_ITERATIONS: Final = 4
 # An object measured at the end of one sweep and at the beginning of the next has hardly moved. Its
 # share of the interval is at least this.
-_MIN_SHARE_OF_STEPS: Final = 0.5
+_MIN_SHARE_OF_INTERVAL: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,30 +32,32 @@ class Target:
     Attributes:
         sweep: The sweep.
         from_current: (4, 4), target_from_current of static points.
-        steps: Time to this sweep in intervals to the next sweep: 1 for the next sweep, -1 for the
-            previous one if the intervals are equal.
+        intervals: Time to this sweep, in intervals to the next sweep: 1 for the next sweep, -1 for
+            the previous one if both are equally far.
         current: The current sweep.
     """
 
     sweep: ObjectSweep
     from_current: NDArray[np.float64]
-    steps: float
+    intervals: float
     current: ObjectSweep
 
     @classmethod
-    def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> "Target":
+    def of(cls, sweep: ObjectSweep, current: ObjectSweep, intervals: float) -> "Target":
         """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
-        return cls(sweep, from_current, steps, current)
+        return cls(sweep, from_current, intervals, current)
 
     @cached_property
     def to_current(self) -> NDArray[np.float64]:
         """(4, 4) current_from_target of static points."""
         return np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
 
-    def steps_of(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns `steps` as (1, 1), or as (K, 1) by the times at which objects were measured.
+    def intervals_of(
+        self, objects: ObjectPoints, motions: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Returns `intervals` as (1, 1), or as (K, 1) by the times at which objects were measured.
 
         A turning lidar meets an object that changes its azimuth sooner or later than after the
         interval of the sweeps, by up to a revolution where a sweep begins.
@@ -64,15 +66,15 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        steps = np.full((1, 1), self.steps, np.float32)
+        intervals = np.full((1, 1), self.intervals, np.float32)
         here, there = self.current.clock, self.sweep.clock
         between_s = (self.sweep.sweep.stamp_ns - self.current.sweep.stamp_ns) / NANOSECONDS
         if here is None or there is None or between_s == 0 or len(objects) == 0:
-            return steps
-        moved = transformed(objects.centers + steps * motions, self.from_current)
+            return intervals
+        moved = transformed(objects.centers + intervals * motions, self.from_current)
         late_s = there.times_of(moved) - here.times_of(objects.centers)
-        shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_STEPS)
-        return (shares[:, None] * self.steps).astype(np.float32)
+        shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_INTERVAL)
+        return (shares[:, None] * self.intervals).astype(np.float32)
 
     def pulls(self, objects: ObjectPoints, flows: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
@@ -105,8 +107,8 @@ class Target:
         return transformed(chosen_points(points, is_gone), self.to_current)
 
     @property
-    def objects_beside_gone(self) -> NDArray[np.int64]:
-        """The numbers of the objects of the current sweep that are beside points that are gone."""
+    def objects_near_gone(self) -> NDArray[np.int64]:
+        """The numbers of the objects of the current sweep that are near points that are gone."""
         nearest = self.current.grid.nearest(self.gone)
         labels = self.current.thinned_objects[nearest[nearest >= 0]]
         return np.append(labels, self.current.wholes[labels])
@@ -184,7 +186,7 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        return self.steps_of(objects, motions) * motions if motions.any() else motions
+        return self.intervals_of(objects, motions) * motions if motions.any() else motions
 
 
 @dataclass(frozen=True)
@@ -198,3 +200,13 @@ class Targets:
 
     near: Sequence[Target]
     past: Sequence[Target]
+
+    @property
+    def next(self) -> Target:
+        """The next sweep."""
+        return self.near[0]
+
+    @property
+    def previous(self) -> Target | None:
+        """The previous sweep, where there is one."""
+        return self.near[1] if len(self.near) > 1 else None

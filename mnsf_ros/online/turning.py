@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.target import NUM_STEPS, Target, Targets
+from mnsf_ros.online.preparation import Scene
+from mnsf_ros.online.table import ObjectTable
+from mnsf_ros.online.target import NUM_ITERATIONS, Target, Targets
 
 # Prior weights of the constant and of the offsets, in points: objects are nearly rigid.
 _PRIOR: Final = np.diag((1e-3, 8.0, 8.0))
@@ -27,7 +29,9 @@ _HALF_WEIGHT_M: Final = 0.1
 Heads = NDArray[np.float64]
 
 
-def whole(motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0) -> Heads:
+def rigid_heads(
+    motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0
+) -> Heads:
     """Returns the heads (K, 3, 3) of objects that move by (K, 3) metres and turn by (K,) radians.
 
     Turns are small angles about the middle, positive to the left.
@@ -57,14 +61,14 @@ class EncodedPoints:
             targets: The sweeps that heads are fitted to.
         """
         self._objects = objects
-        self._steps = {target: target.steps_of(objects, motions) for target in targets}
+        self._intervals = {target: target.intervals_of(objects, motions) for target in targets}
         self._encoding = encoded(objects.positions - objects.centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
         """Returns (K,) metres, the residual of each object on a target, moved by its head."""
         objects = self._objects
-        moved = self._flow(self._steps[target][:, :, None] * heads)
+        moved = self._flow(self._intervals[target][:, :, None] * heads)
         points, each, transform = objects.positions, self._each, target.from_current
         distances, _, _ = target.sweep.grid.compared(
             points, each, moved, transform, objects.spacing, target.limits_m(objects, moved)
@@ -81,15 +85,15 @@ class EncodedPoints:
             start: The heads to start from.
         """
         objects = self._objects
-        steps = self._steps[target][:, :, None]
-        start = steps * start
+        intervals = self._intervals[target][:, :, None]
+        start = intervals * start
         begin = flow = self._flow(start)
         points, each, transform = objects.positions, self._each, target.from_current
         places = transformed(points + begin, transform)
         is_unseen = target.are_unseen(places)
         half_m = _HALF_WEIGHT_M + 2 * objects.spacing
         heads, exactly = start, np.zeros_like(objects.spacing)
-        for _ in range(NUM_STEPS):
+        for _ in range(NUM_ITERATIONS):
             distances, vectors, counts = target.sweep.grid.compared(
                 points, each, flow, transform, exactly
             )
@@ -100,7 +104,7 @@ class EncodedPoints:
             )
             heads = start + np.linalg.solve(left + _PRIOR, right)
             flow = self._flow(heads)
-        return np.asarray(heads / steps, np.float64)
+        return np.asarray(heads / intervals, np.float64)
 
     def _flow(self, heads: Heads) -> NDArray[np.float32]:
         """Returns (P, 3) metres, the flow of the points."""
@@ -159,6 +163,17 @@ def _normal_equations(
     return left, right
 
 
+def with_turns(table: ObjectTable, scene: Scene) -> ObjectTable:
+    """Fills `heads` of the movers: how their groups move and turn."""
+    movers = table.movers
+    moving, groups = np.unique(movers.groups, return_inverse=True)
+    turns = np.zeros(len(moving))
+    turns[groups] = movers.prior.turn_rates * scene.usual_interval_s
+    motions = table.group_motions[moving].astype(np.float32)
+    heads = turning(movers.points, groups, motions, turns, scene.targets)
+    return table.put(table.mover_rows, heads=heads)
+
+
 def turning(
     movers: ObjectPoints,
     groups: NDArray[np.int64],
@@ -169,7 +184,7 @@ def turning(
     """Returns the heads (K, 3, 3) of K movers: motions of their middles, and turns about these.
 
     Each group moves and turns as one rigid body. One head per group is fitted to each neighbouring
-    sweep, starting from the expected turn, which remains where the points do not constrain it. The
+    sweep, starting from the predicted turn, which remains where the points do not constrain it. The
     mean of these heads is reduced to its horizontal motion and its turn. If this does not lower
     the residual, the given motion is kept, without a turn.
 
@@ -177,20 +192,22 @@ def turning(
         movers: K objects.
         groups: (K,) from 0 to G - 1, the group of each mover.
         motions: (G, 3) metres, motions of the groups to the next sweep.
-        turns: (G,) radians, their expected turns until then.
+        turns: (G,) radians, their predicted turns until then.
         targets: The other sweeps.
     """
-    things = movers.joined(groups)
-    straight = whole(motions)
-    points = EncodedPoints(things, motions, targets.near)
-    start = whole(motions, turns)
-    bent = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
-    stiff = whole(np.concatenate([bent[:, 0, :2], motions[:, 2:]], axis=1), turns_of(bent))
+    bodies = movers.joined(groups)
+    straight = rigid_heads(motions)
+    points = EncodedPoints(bodies, motions, targets.near)
+    start = rigid_heads(motions, turns)
+    fitted = np.mean([points.fitted(each, start) for each in targets.near], axis=0)
+    rigid = rigid_heads(
+        np.concatenate([fitted[:, 0, :2], motions[:, 2:]], axis=1), turns_of(fitted)
+    )
     before, after = (
         np.mean([points.residuals(target, heads) for target in targets.near], axis=0)
-        for heads in (straight, stiff)
+        for heads in (straight, rigid)
     )
-    heads = np.where((after < before)[:, None, None], stiff, straight)[groups]
-    offsets = encoded(movers.centers - things.centers[groups])
+    heads = np.where((after < before)[:, None, None], rigid, straight)[groups]
+    offsets = encoded(movers.centers - bodies.centers[groups])
     heads[:, 0] = (offsets[:, :, None] * heads).sum(axis=1)
     return heads

@@ -6,12 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
-from mnsf_ros.online.expectation import Expectation
-from mnsf_ros.online.motions import JudgedMotions
+from mnsf_ros.online.motions import JudgedMotions, TrackPrior
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.table import ObjectTable
-from mnsf_ros.online.target import Target
+from mnsf_ros.online.target import Target, Targets
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -44,9 +43,9 @@ def objects_of(sweep, **changes):
     return ObjectPoints.of(sweep, settings.objects)
 
 
-def target(of, current, steps=1.0):
+def target(of, current, intervals=1.0):
     """Another prepared sweep as a target for the current one."""
-    return Target.of(of, current, steps)
+    return Target.of(of, current, intervals)
 
 
 def rows(*values):
@@ -54,13 +53,10 @@ def rows(*values):
     return np.array(values, np.float32).reshape(-1, 3)
 
 
-def table_of(objects, expected=None, targets=None, **columns):
-    """A table of objects, without tracks unless expected, with other values in some columns."""
-    nothing = np.zeros(len(objects))
-    motions = np.zeros((len(objects), 3), np.float32)
-    expected = expected or Expectation(nothing, motions, nothing, nothing, nothing + 1)
-    num_sweeps = (len(targets.near), len(targets.past)) if targets else (2, 0)
-    table = ObjectTable.begun(objects, objects.numbers, expected, *num_sweeps)
+def table_of(objects, prior=None, targets=None, **columns):
+    """A table of objects, without tracks unless given, with other values in some columns."""
+    prior = prior or TrackPrior.without_tracks(len(objects))
+    table = ObjectTable.begun(objects, objects.numbers, prior, targets or Targets([None, None], []))
     return table.put(np.arange(len(objects)), **columns)
 
 

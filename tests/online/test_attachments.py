@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_scenes import SETTINGS, objects_of, prepared, rows, surface
 
-from mnsf_ros.online.output import attached
+from mnsf_ros.online.attachments import attached
 
 CAR = surface((8.0, 0.0, 0.0), size=(3.9, 1.8, 1.2), num_points=3000)
 # One empty cell of 0.25 m is between it and the end of the car at x = 9.95.
@@ -18,7 +18,7 @@ def rows_of(*parts, is_loose=True, settings=SETTINGS):
     """(N,) what `attached` says if the first object moves and the others are loose."""
     current = prepared(*parts, settings=settings)
     objects, owners = objects_of(current), current.objects()
-    first = objects.take(owners[:1] - 1)
+    first = objects.select(owners[:1] - 1)
     loose = np.full(current.num_objects, is_loose)
     loose[[0, *first.numbers]] = False
     return spread(attached(current, owners, first, loose), len(owners))
@@ -53,7 +53,7 @@ def test_fragment_goes_with_the_nearer_of_two_movers():
     current = prepared(CAR, FRAGMENT, CAR + rows((4.9, 0, 0)))
     objects, owners = objects_of(current), current.objects()
     part = owners[len(CAR)]
-    movers = objects.take(np.flatnonzero(objects.numbers != part))
+    movers = objects.select(np.flatnonzero(objects.numbers != part))
     is_loose = np.arange(current.num_objects) == part
     found = spread(attached(current, owners, movers, is_loose), len(owners))
     nearer = movers.numbers.tolist().index(owners[0])

@@ -136,7 +136,7 @@ def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
     assert sources == ["registration", *(2 * ["constant velocity"]), "registration"]
     for result in results[1:3]:
         assert not result.over_ground.confidence.any()
-    assert ["fit to previous" in result.times_ms for result in results] == [
+    assert ["backward" in result.times_ms for result in results] == [
         True,
         True,
         False,

@@ -9,7 +9,7 @@ from small_scenes import objects_of, prepared, surface, target
 
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
-from mnsf_ros.online.scene import split
+from mnsf_ros.online.splitting import rejoined, split
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -65,19 +65,17 @@ class TestSplit:
         whole = prepared(FAR, coach(0.0))
         found = after([coach(-4.0)], coach(0.0))
         assert (found.wholes != np.arange(found.num_objects)).any()
-        joined = found.with_parts_beside(np.zeros(0, np.int64))
+        joined = rejoined(found, np.zeros(0, np.int64))
         np.testing.assert_array_equal(joined.objects(), whole.objects())
         np.testing.assert_array_equal(joined.thinned_objects, whole.thinned_objects)
-        kept = found.with_parts_beside(np.flatnonzero(found.wholes != np.arange(found.num_objects)))
+        kept = rejoined(found, np.flatnonzero(found.wholes != np.arange(found.num_objects)))
         np.testing.assert_array_equal(kept.objects(), found.objects())
 
     def test_what_is_beside_a_moving_part_stays_apart(self):
         found = after([HEDGE], np.concatenate([person(-3.0), person(3.0), HEDGE]))
         part, other = np.flatnonzero(found.wholes != np.arange(found.num_objects))
-        np.testing.assert_array_equal(
-            found.with_parts_beside(np.array([part])).objects(), found.objects()
-        )
-        whole = found.with_parts_beside(np.array([part, found.wholes[part]])).objects()
+        np.testing.assert_array_equal(rejoined(found, np.array([part])).objects(), found.objects())
+        whole = rejoined(found, np.array([part, found.wholes[part]])).objects()
         assert not np.isin(whole, [part, other]).any()
 
     def test_the_points_of_a_part_are_those_of_the_whole_too(self):

@@ -10,11 +10,9 @@ import pytest
 from box_street import BoxStreet, pose
 from small_scenes import moved_by, rows, table_of
 
-from mnsf_ros.online.expectation import Expectation
-from mnsf_ros.online.motion_memory import MotionMemory
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.scene import PreparedSweeps
-from mnsf_ros.online.sightings import Sightings
+from mnsf_ros.online.preparation import Preparation
+from mnsf_ros.online.tracker import Measurements, Tracker, track_prior
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -27,16 +25,16 @@ def sweep(index, **how):
 
 
 class Seen:
-    """A memory, and the sweeps that it is about."""
+    """A tracker, and the sweeps that it is about."""
 
     def __init__(self, settings=SETTINGS):
-        self.memory = MotionMemory(settings.warm_start, count(1))
-        self._sweeps = PreparedSweeps(settings)
+        self.tracker = Tracker(settings.warm_start, count(1))
+        self._preparation = Preparation(settings)
 
     def ready(self, index):
         """A sweep made ready."""
         pair = SweepTriplet(None, sweep(index), sweep(index + 0.01))
-        return self._sweeps.ready(pair).of_triplet[0]
+        return self._preparation.prepare(pair).of_triplet[0]
 
 
 def object_at(*centers):
@@ -46,13 +44,14 @@ def object_at(*centers):
     return ObjectPoints(owners + 1, rows(*centers), owners, np.zeros(number, np.float32))
 
 
-def followed(memory, current, objects, motions, interval_s):
+def followed(tracker, current, objects, motions, interval_s):
     """The tracks, and the track of each object, after objects were seen to move."""
     groups = np.arange(len(objects))
     table = table_of(objects, moving=moved_by(motions), residual_rise=1.0, groups=groups)
-    seen = Sightings.of(table, current.pose.world_from_sensor, interval_s or 0.1)
+    measured = Measurements.of(table, current.pose.world_from_sensor, interval_s or 0.1)
     stamp_ns = current.sweep.stamp_ns
-    return memory.follow(memory.expected(stamp_ns, interval_s), seen, stamp_ns, interval_s)
+    tracks = tracker.predicted(stamp_ns, interval_s)
+    return tracker.update(tracks, measured, stamp_ns, interval_s)
 
 
 class TestExpected:
@@ -60,7 +59,7 @@ class TestExpected:
         """After an object at (5, 1, 0) moved by (1, 0, 0) in the tenth after sweep 5."""
         seen = Seen()
         current = seen.ready(5)
-        followed(seen.memory, current, object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
+        followed(seen.tracker, current, object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
         self.world_from_first = current.pose.world_from_sensor
         later = seen.ready(index)
         self.sensor_from_first = np.linalg.inv(later.pose.world_from_sensor) @ (
@@ -70,9 +69,9 @@ class TestExpected:
             self.sensor_from_first[:3, :3] @ center + self.sensor_from_first[:3, 3]
             for center in centers
         ]
-        tracks = seen.memory.expected(later.sweep.stamp_ns, interval_s)
+        tracks = seen.tracker.predicted(later.sweep.stamp_ns, interval_s)
         pose = later.pose.world_from_sensor
-        return Expectation.of(object_at(*places), tracks, pose, interval_s).motions
+        return track_prior(tracks, object_at(*places), pose, interval_s).motions
 
     def test_motion_goes_on_in_the_frame_of_the_later_sweep(self):
         found = self.expected((6, 1, 0), (9, 9, 0))

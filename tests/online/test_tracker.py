@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from small_scenes import moved_by, rows, surface, table_of
 
-from mnsf_ros.online.motion_memory import follow
+from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.online.gate import mover_groups
 from mnsf_ros.online.object_points import ObjectPoints
-from mnsf_ros.online.sightings import Sightings, mover_groups
-from mnsf_ros.online.tracks import alive
+from mnsf_ros.online.tracker import Measurements, Tracker
+from mnsf_ros.online.turning import rigid_heads
+from mnsf_ros.settings import Settings
 
 INTERVAL_S = 0.1
 
@@ -36,24 +38,32 @@ def seen(
     objects = objects_at(*centers, size=size)
     groups = mover_groups(objects, motions, objects.positions, objects.owners)
     table = table_of(
-        objects, moving=moved_by(motions), scores=3.0, residual_rise=residual_rise_m, groups=groups
+        objects,
+        moving=moved_by(motions),
+        verdicts=Verdict.DYNAMIC,
+        log_odds=3.0,
+        residual_rise=residual_rise_m,
+        groups=groups,
+        heads=rigid_heads(motions, np.full(number, turn_rate * INTERVAL_S)),
     )
-    sightings = Sightings.of(table, np.eye(4), INTERVAL_S)
-    return replace(sightings, turn_rates=np.full(number, turn_rate))
+    return Measurements.of(table, np.eye(4), INTERVAL_S)
 
 
 class Follower:
     """Follows what it is shown, ten sweeps a second."""
 
     def __init__(self):
-        self.tracks, self.numbers, self.now_ns = [], count(1), 0
+        self.tracker, self.tracks, self.now_ns = Tracker(Settings().warm_start, count(1)), [], 0
 
     def see(self, *centers, **how):
         """The numbers of the tracks of the boxes at these places, one sweep later."""
+        return self.take(seen(*centers, **how))
+
+    def take(self, measured):
+        """The numbers of the tracks of measurements, one sweep later."""
         self.now_ns += round(INTERVAL_S * 1e9)
-        expected = alive(self.tracks, self.now_ns)
-        sightings = seen(*centers, **how)
-        self.tracks, ids = follow(expected, sightings, self.now_ns, self.numbers)
+        predicted = self.tracker.predicted(self.now_ns, INTERVAL_S)
+        self.tracks, ids = self.tracker.update(predicted, measured, self.now_ns, INTERVAL_S)
         return ids.tolist()
 
 
@@ -87,9 +97,7 @@ class TestIdentity:
         points = np.concatenate([points[is_end], points[~is_end]])
         points[-8:, 0] += 2  # a side of it comes into view
         parts = replace(parts, points=points, owners=np.sort(~is_end).astype(np.int64))
-        now_ns = follower.now_ns + 10**8
-        _, ids = follow(alive(follower.tracks, now_ns), parts, now_ns, count(2))
-        assert ids.tolist() == [2, 1]
+        assert follower.take(parts) == [2, 1]
 
     def test_of_two_that_meet_stays_with_each(self):
         follower = Follower()

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, rows, surface, table_of, target
 
-from mnsf_ros.online.decision import evidence, free_space, moves, moving_scores
-from mnsf_ros.online.expectation import Expectation
-from mnsf_ros.online.motions import best_of, judge
+from mnsf_ros.online.gate import evidence, free_space, moves, moving_log_odds
+from mnsf_ros.online.motions import TrackPrior, best_of, judge
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.target import Targets
 from mnsf_ros.settings import Settings
@@ -28,10 +27,10 @@ def plate(x_m, y_m=0.0):
 
 
 def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
-    """The only object, with a track that expects a motion with some odds."""
-    expected = Expectation(np.ones(1), rows(track), np.zeros(1), np.full(1, odds), np.full(1, 0.05))
-    standing = judge(objects, targets, rows((0, 0, 0)))
-    return table_of(objects, expected, targets, standing=standing)
+    """The only object, with a track that predicts a motion with some odds."""
+    prior = TrackPrior(np.ones(1), rows(track), np.zeros(1), np.full(1, odds), np.full(1, 0.05))
+    static = judge(objects, targets, rows((0, 0, 0)))
+    return table_of(objects, prior, targets, static=static)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +65,7 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
     nearest = objects.centers[:, 0] < 15
     table = with_suspects(table_of(objects), targets, max_suspects=9)
     assert table.open_rows == np.flatnonzero(nearest)
-    side = objects.take(table.open_rows)
+    side = objects.select(table.open_rows)
     assert targets.near[0].residuals(side, 0 * motion)[0] < 0.025
     assert free_space(side, targets, motion)[0] > 10 * max(
         *free_space(side, targets, 0 * motion), *free_space(side, targets, -motion), 1
@@ -86,13 +85,13 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     )
     moving = judge(suspects.points, targets, rows(motion))
     known, bias = (
-        moving_scores(evidence(replace(table, moving=moving), table.standing, np.zeros(1)))
+        moving_log_odds(evidence(replace(table, moving=moving), table.static, np.zeros(1)))
         for table in (suspects, without)
     )
     # The evidence of this sweep alone is just not enough.
-    scores = known - bias - 1.0
-    assert scores[0] == pytest.approx(-1.0 + 0.4 * odds)
-    may_move, is_moving = moves(*ONE, moving.motions, scores, 0.1, Settings().objects)
+    log_odds = known - bias - 1.0
+    assert log_odds[0] == pytest.approx(-1.0 + 0.4 * odds)
+    may_move, is_moving = moves(*ONE, moving.motions, log_odds, 0.1, Settings().objects)
     assert may_move[0]
     assert is_moving[0] == called
 
@@ -103,29 +102,28 @@ def test_where_a_sweep_does_not_tell_a_mover_goes_on_as_expected(odds, goes_on):
     motion, current = rows((0, -0.2, 0)), prepared(plate(12))
     targets = Targets([target(prepared(plate(12)), current, step) for step in (1, -1)], [])
     suspects = suspects_of(targets, objects_of(current), motion[0], odds)
-    standing, prior_cost = suspects.standing, suspects.expected.prior_cost
-    found = best_of(suspects.points, targets, standing, [motion], prior_cost)
+    static, prior = suspects.static, suspects.prior
+    found = best_of(suspects.points, targets, static, [motion], prior)
     assert (found.motions == motion).all() == goes_on
     # One that it was shown to stand by does not.
     elsewhere = rows((0, -2.0, 0))
     suspects = suspects_of(targets, objects_of(current), elsewhere[0], odds)
-    prior_cost = suspects.expected.prior_cost
-    found = best_of(suspects.points, targets, standing, [elsewhere], prior_cost)
+    found = best_of(suspects.points, targets, static, [elsewhere], suspects.prior)
     assert not found.motions.any()
 
 
 @pytest.mark.parametrize(("interval_s", "moves_by_m"), [(0.1, 0.025), (0.05, 0.0125), (0.5, 0.125)])
 def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m):
     def said(length_m):
-        motion, scores = rows((length_m, 0, 0)), np.full(1, 9.0)
-        return moves(*ONE, motion, scores, interval_s, Settings().objects)[1][0]
+        motion, log_odds = rows((length_m, 0, 0)), np.full(1, 9.0)
+        return moves(*ONE, motion, log_odds, interval_s, Settings().objects)[1][0]
 
     assert said(moves_by_m)
     assert not said(0.7 * moves_by_m)
 
 
 @pytest.mark.parametrize(
-    ("scores", "followed", "moving"),
+    ("log_odds", "followed", "moving"),
     [
         ((5.0, 4.0), [True, False], [True, False]),
         ((1.0, 1.5), [False, True], [False, True]),
@@ -136,17 +134,17 @@ def test_how_slow_is_standing_does_not_depend_on_the_rate(interval_s, moves_by_m
         ((-3.0, -4.0), [False, False], [False, False]),
     ],
 )
-def test_of_a_part_and_its_whole_the_likelier_moves(scores, followed, moving):
+def test_of_a_part_and_its_whole_the_likelier_moves(log_odds, followed, moving):
     settings = Settings().objects
     numbers, wholes, motions = np.array([3, 7]), np.array([3, 3]), rows((0.3, 0, 0), (0.3, 0, 0))
-    may_move, is_moving = moves(numbers, wholes, motions, np.array(scores), 0.1, settings)
+    may_move, is_moving = moves(numbers, wholes, motions, np.array(log_odds), 0.1, settings)
     assert may_move.tolist() == followed
     assert is_moving.tolist() == moving
 
 
 def test_parts_of_what_cannot_move_are_judged_by_themselves():
-    scores, motions = np.full(2, 4.0), rows((0.3, 0, 0), (0, 0.2, 0))
+    log_odds, motions = np.full(2, 4.0), rows((0.3, 0, 0), (0, 0.2, 0))
     _, is_moving = moves(
-        np.array([7, 8]), np.array([3, 3]), motions, scores, 0.1, Settings().objects
+        np.array([7, 8]), np.array([3, 3]), motions, log_odds, 0.1, Settings().objects
     )
     assert is_moving.all()

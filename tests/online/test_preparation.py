@@ -9,7 +9,7 @@ import pytest
 from box_street import BoxStreet, pose, stamp_ns, unrelated_sweep
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.online.scene import PreparedSweeps
+from mnsf_ros.online.preparation import Preparation
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -27,9 +27,9 @@ def pairs_of(sweeps):
 
 def past_after(*indices, interval_s=0.1):
     """The last one of these sweeps made ready, and those that it looks back at."""
-    prepared = PreparedSweeps(SETTINGS)
+    preparation = Preparation(SETTINGS)
     for pair in pairs_of([sweep(index) for index in indices]):
-        ready = prepared.ready(pair)
+        ready = preparation.prepare(pair)
     return ready.last[-1], ready.past(ready.last[-1], interval_s)
 
 
@@ -51,7 +51,7 @@ class TestPast:
         current, found = past_after(*indices)
         ages = [(current.sweep.stamp_ns - item.sweep.sweep.stamp_ns) / 1e8 for item in found]
         assert ages == expected
-        assert [-item.steps for item in found] == pytest.approx(expected)
+        assert [-item.intervals for item in found] == pytest.approx(expected)
 
     def test_is_not_the_previous_sweep_itself(self):
         """At three sweeps a second that of a third of a second ago is the previous one."""
@@ -63,11 +63,11 @@ class TestPast:
 
     def test_reaches_no_farther_than_where_registration_failed(self):
         """Where the sensor was before that, beside where it is now, nobody knows."""
-        prepared = PreparedSweeps(SETTINGS)
+        preparation = Preparation(SETTINGS)
         sweeps = [unrelated_sweep(3) if index == 3 else sweep(index) for index in range(8)]
         found = {}
         for pair in pairs_of(sweeps):
-            ready = prepared.ready(pair)
+            ready = preparation.prepare(pair)
             past = ready.past(ready.last[-1], interval_s=0.1)
             found[pair.next.stamp_ns] = [item.sweep.sweep.stamp_ns for item in past]
         for index, expected in ((4, []), (5, []), (6, [4]), (7, [4])):
@@ -76,24 +76,24 @@ class TestPast:
 
 class TestReady:
     def test_each_sweep_once(self):
-        prepared = PreparedSweeps(SETTINGS)
+        preparation = Preparation(SETTINGS)
         sweeps = [sweep(index) for index in range(4)]
-        first = prepared.ready(SweepTriplet(*sweeps[:3])).of_triplet
-        assert prepared.ready(SweepTriplet(*sweeps[1:])).of_triplet[:2] == first[1:]
+        first = preparation.prepare(SweepTriplet(*sweeps[:3])).of_triplet
+        assert preparation.prepare(SweepTriplet(*sweeps[1:])).of_triplet[:2] == first[1:]
 
     def test_results_do_not_change(self):
         """Another thread estimates with it while later sweeps are made ready."""
-        prepared = PreparedSweeps(SETTINGS)
-        ready = prepared.ready(SweepTriplet(sweep(0), sweep(1), sweep(2)))
+        preparation = Preparation(SETTINGS)
+        ready = preparation.prepare(SweepTriplet(sweep(0), sweep(1), sweep(2)))
         before = ready.last
-        prepared.ready(SweepTriplet(None, sweep(3), sweep(4)))
-        prepared.ready(SweepTriplet(None, sweep(5), sweep(6)))
+        preparation.prepare(SweepTriplet(None, sweep(3), sweep(4)))
+        preparation.prepare(SweepTriplet(None, sweep(5), sweep(6)))
         assert ready.last is before
         assert ready.of_triplet == before
         assert len(before) == 3
 
     def test_memory_is_bounded_where_every_triplet_is_refused(self):
-        prepared = PreparedSweeps(SETTINGS)
+        preparation = Preparation(SETTINGS)
         sweeps = [sweep(index) for index in range(36)]
         sweeps = [
             Sweep(each.xyz[:5], each.stamp_ns, each.frame_id) if index % 3 == 2 else each
@@ -101,5 +101,5 @@ class TestReady:
         ]
         for first in range(len(sweeps) - 2):
             with pytest.raises(SweepError, match="points are left"):
-                prepared.ready(SweepTriplet(*sweeps[first : first + 3]))
-        assert len(prepared._sweeps) <= 12
+                preparation.prepare(SweepTriplet(*sweeps[first : first + 3]))
+        assert len(preparation._sweeps) <= 12

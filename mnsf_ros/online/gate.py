@@ -1,17 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which objects move: all evidence in one number, and its limits."""
+"""The gate: all evidence that an object moves in one number, and its limits."""
 
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.motions import JudgedMotions, are_same, judge, residual_rise_m
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
-from mnsf_ros.online.scene import Scene
-from mnsf_ros.online.sightings import mover_groups
+from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Targets
 from mnsf_ros.settings import ObjectSettings
@@ -26,36 +28,36 @@ _TENTATIVE: Final = 2.0
 
 
 def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
-    """Weighs the evidence for the motions of the objects that are not rejected yet.
+    """Weighs the evidence for the motions of the open objects, and decides which of them move.
 
-    Rejects objects that do not move, and groups touching objects that move, or may move, alike.
+    Touching objects that move, or may move, alike become a group: if one of it moves, all do.
     """
     rows, targets, current = table.open_rows, scene.targets, scene.current
-    fitted = table.take(rows)
+    fitted = table.select(rows)
     points, motions = fitted.points, fitted.moving.motions
-    standing = judge(points, targets, np.zeros_like(motions))
+    static = judge(points, targets, np.zeros_like(motions))
     free = free_space(points, targets, motions)
-    features = evidence(fitted, standing, free)
-    scores = moving_scores(features)
-    table = table.put(rows, free=free, evidence=features, scores=scores)
+    features = evidence(fitted, static, free)
+    log_odds = moving_log_odds(features)
+    table = table.put(rows, free=free, evidence=features, log_odds=log_odds)
     may_move, is_moving = moves(
-        points.numbers, fitted.wholes, motions, scores, scene.usual_interval_s, scene.settings
+        points.numbers, fitted.wholes, motions, log_odds, scene.usual_interval_s, scene.settings
     )
-    followed = fitted.take(np.flatnonzero(may_move))
+    followed = fitted.select(np.flatnonzero(may_move))
     groups = mover_groups(
         followed.points, followed.moving.motions, *followed.points.all_points(current)
     )
     residual_rise = residual_rise_m(followed.points, followed.moving, targets)
     table = table.put(rows[may_move], residual_rise=residual_rise, groups=groups)
-    # An object in the group of a mover moves, too.
     is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
-    stands_beside = np.isin(points.numbers, fitted.wholes[is_moving])
-    table = table.rejected(rows[~is_moving], Verdict.REFUSED)
-    return table.rejected(rows[~is_moving & stands_beside], Verdict.PARTLY)
+    has_moving_part = np.isin(points.numbers, fitted.wholes[is_moving])
+    verdicts = np.full(len(rows), Verdict.REFUSED, object)
+    verdicts[has_moving_part], verdicts[is_moving] = Verdict.PARTLY, Verdict.DYNAMIC
+    return table.put(rows, verdicts=verdicts)
 
 
-def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (K,) logarithm of the odds that objects with some evidence (K, 8) move."""
+def moving_log_odds(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (K,) log-odds that objects with some evidence (K, 8) move."""
     return (features * np.asarray(_WEIGHTS)).sum(axis=1)
 
 
@@ -89,7 +91,7 @@ def free_space(
 
 
 def evidence(
-    table: ObjectTable, standing: JudgedMotions, free: NDArray[np.float64]
+    table: ObjectTable, static: JudgedMotions, free: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns (K, 8) features for and against the motions of K objects.
 
@@ -98,7 +100,7 @@ def evidence(
     * 1;
     * log(1 + points new or gone); 0 for parts, because free space defined them;
     * the log-odds of the track so far;
-    * log(1 + length of the motion in metres), 0 for a motion that a track expected;
+    * log(1 + length of the motion in metres), 0 for a motion that a track predicts;
     * three products of S: with log(1 + thickness / noise), with log(number of points), and with
       the height of the top above the sensor in metres. S sums the logarithms of the shares of the
       residual that the motion leaves in the neighbouring and in the older sweeps; without older
@@ -107,20 +109,20 @@ def evidence(
 
     Args:
         table: K objects whose motions were found.
-        standing: Residuals of the objects as static.
+        static: Residuals of the objects as static.
         free: (K,) see `free_space`.
     """
-    objects, expected, moving = table.points, table.expected, table.moving
+    objects, prior, moving = table.points, table.prior, table.moving
     are_parts = table.wholes != objects.numbers
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    is_same = expected.is_known & are_same(moving.motions, expected.motions)
-    shares = _log_share(moving.cost, standing.cost) + _log_share(moving.older, standing.older)
+    is_predicted = prior.has_track & are_same(moving.motions, prior.motions)
+    shares = _log_share(moving.cost, static.cost) + _log_share(moving.older, static.older)
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(table)),
         np.log1p(np.where(are_parts, 0.0, np.maximum(free, 0.0))),
-        expected.scores,
-        np.log1p(lengths) * ~is_same,
+        prior.log_odds,
+        np.log1p(lengths) * ~is_predicted,
         shares * thicknesses,
         shares * np.log(objects.counts),
         shares * objects.tops,
@@ -129,15 +131,15 @@ def evidence(
     return np.stack(columns, axis=1).astype(np.float64)
 
 
-def _log_share(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.log((part + NOISE_M) / (whole + NOISE_M))
+def _log_share(moving: NDArray[np.float64], static: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.log((moving + NOISE_M) / (static + NOISE_M))
 
 
 def moves(
     numbers: NDArray[np.int64],
     wholes: NDArray[np.int64],
     motions: NDArray[np.float32],
-    scores: NDArray[np.float64],
+    log_odds: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -150,7 +152,7 @@ def moves(
         numbers: (K,) the objects.
         wholes: (K,) the object that each was cut out of, else its own number.
         motions: (K, 3) metres, to the next sweep.
-        scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+        log_odds: (K,) that they move, see `moving_log_odds`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
@@ -159,9 +161,34 @@ def moves(
     is_possible = lengths > NOISE_M / USUAL_INTERVAL_S * interval_s
     is_possible &= lengths <= settings.max_speed_m_s * interval_s
     limit = np.log(settings.min_probability / (1 - settings.min_probability))
-    may_move = is_possible & (scores > limit - _TENTATIVE)
+    may_move = is_possible & (log_odds > limit - _TENTATIVE)
     alone, best = are_parts & may_move, np.full(numbers.max(initial=0) + 1, -np.inf)
-    np.maximum.at(best, wholes[alone], scores[alone])
-    may_move &= are_parts | (scores >= best[numbers])
+    np.maximum.at(best, wholes[alone], log_odds[alone])
+    may_move &= are_parts | (log_odds >= best[numbers])
     may_move &= ~are_parts | ~np.isin(wholes, numbers[may_move])
-    return may_move, may_move & (scores > limit)
+    return may_move, may_move & (log_odds > limit)
+
+
+def mover_groups(
+    movers: ObjectPoints,
+    motions: NDArray[np.float32],
+    points: NDArray[np.float32],
+    owners: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Returns (K,) the group, from 0, of each of K movers that touch and move alike.
+
+    Args:
+        movers: K objects that move.
+        motions: (K, 3) metres, their motions to the next sweep.
+        points: (A, 3) metres, all their points: the chosen points of long ones are far apart.
+        owners: (A,) the rows of their movers.
+    """
+    if len(movers) == 0:
+        return np.zeros(0, np.int64)
+    are_touching = PointGrid(points).touching(movers.positions, movers.owners, owners)
+    np.fill_diagonal(are_touching, val=False)
+    first, second = np.nonzero(are_touching)
+    is_one = are_same(motions[first], motions[second])
+    ones = np.ones(np.count_nonzero(is_one), np.int8)
+    graph = coo_matrix((ones, (first[is_one], second[is_one])), shape=(len(movers),) * 2)
+    return connected_components(graph, directed=False)[1].astype(np.int64)

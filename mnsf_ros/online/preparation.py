@@ -1,30 +1,30 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The last sweeps, each prepared once, and the targets of the current one."""
+"""Preparation: each sweep once; then the sweeps of one estimate."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
-
-import numpy as np
 
 from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.own_body import OwnBody
+from mnsf_ros.online.splitting import split
 from mnsf_ros.online.target import Target, Targets
-from mnsf_ros.online.tracks import Track
 from mnsf_ros.settings import ObjectSettings, Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Start, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
 # much; within the second a slow pedestrian moves by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
 _MAX_SWEEPS: Final = 12
+# Effort to the divisor of `objects.max_suspects`.
+_SHARES: Final = {Effort.HALF: 2, Effort.LEAST: 4}
 
 
 @dataclass(frozen=True, eq=False)
-class ReadySweeps:
+class PreparedSweeps:
     """The sweeps of one triplet and those before it, all in one world. Never changed.
 
     Attributes:
@@ -76,7 +76,7 @@ class ReadySweeps:
         return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]
 
 
-class PreparedSweeps:
+class Preparation:
     """Finds the poses of sweeps and makes them ready. For one thread at a time."""
 
     def __init__(self, settings: Settings) -> None:
@@ -85,7 +85,7 @@ class PreparedSweeps:
         self._own_body = OwnBody(settings.crop)
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
-    def ready(self, triplet: SweepTriplet) -> ReadySweeps:
+    def prepare(self, triplet: SweepTriplet) -> PreparedSweeps:
         """Prepares the sweeps of a triplet that are not ready yet.
 
         Raises:
@@ -99,7 +99,7 @@ class PreparedSweeps:
                 self._add(sweep, pose)
         of_triplet = tuple(self._sweeps[sweep] for sweep in sweeps)
         time_ms = (time.perf_counter() - start_s) * 1e3
-        return ReadySweeps(tuple(self._sweeps.values()), of_triplet, time_ms)
+        return PreparedSweeps(tuple(self._sweeps.values()), of_triplet, time_ms)
 
     def _add(self, sweep: Sweep, pose: SensorPose) -> None:
         if pose.source is EgoSource.START:
@@ -124,22 +124,6 @@ def _related(sweeps: Iterable[ObjectSweep]) -> Iterator[ObjectSweep]:
             return
 
 
-def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
-    """Returns the sweep with new points as parts of the objects that they touch.
-
-    A point is new if another sweep saw through its place and had no point near it. It may belong
-    to a pedestrian in a row of parked cars, or to the front of a bus; `moves` decides.
-
-    Args:
-        current: The sweep.
-        targets: Sweeps before it.
-    """
-    has_come = np.zeros(len(current.thinned), dtype=bool)
-    for target in targets:
-        has_come |= target.are_new(current.thinned)
-    return current.with_parts(np.flatnonzero(has_come & (current.thinned_objects > 0)))
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Input of one estimate: the current sweep and its targets.
@@ -147,37 +131,33 @@ class Scene:
     Attributes:
         current: The middle sweep.
         targets: The other sweeps.
-        tracks: The tracks, predicted to the current sweep.
         interval_s: Time to the next sweep; 0 without stamps.
-        start: Whether the estimate starts warm, else why not.
-        settings: Settings of the objects.
+        settings: Settings of the objects; less work where the effort is lower.
     """
 
     current: ObjectSweep
     targets: Targets
-    tracks: list[Track]
     interval_s: float
-    start: Start
     settings: ObjectSettings
 
     @classmethod
     def of(
         cls,
         triplet: SweepTriplet,
-        ready: ReadySweeps,
-        tracks: list[Track],
-        start: Start,
+        prepared: PreparedSweeps,
         settings: ObjectSettings,
         effort: Effort,
     ) -> "Scene":
         """Returns the scene of a triplet whose sweeps are ready."""
-        *_, current, _ = ready.of_triplet
-        near = ready.near(triplet.interval_ratio)
+        *_, current, _ = prepared.of_triplet
+        near = prepared.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)
-        past = ready.past(current, interval_s) if effort is Effort.FULL else []
+        past = prepared.past(current, interval_s) if effort is Effort.FULL else []
         current = split(current, past)
         near, past = ([replace(one, current=current) for one in each] for each in (near, past))
-        return cls(current, Targets(near, past), tracks, interval_s, start, settings)
+        max_suspects = max(1, settings.max_suspects // _SHARES.get(effort, 1))
+        limited = replace(settings, max_suspects=max_suspects)
+        return cls(current, Targets(near, past), interval_s, limited)
 
     @property
     def usual_interval_s(self) -> float:
