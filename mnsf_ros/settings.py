@@ -45,7 +45,7 @@ class TimeSettings:
     )
 
     @property
-    def turning(self) -> tuple[bool, float] | None:
+    def rotation(self) -> tuple[bool, float] | None:
         """Whether the lidar turns clockwise, and where it begins, of a `field` that says so.
 
         Raises:
@@ -617,7 +617,7 @@ class Settings:
                     f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
                     f"which is {larger!r}"
                 )
-        _ = self.crop.own_boxes, self.time.turning
+        _ = self.crop.own_boxes, self.time.rotation
         kind = self.distance.kind
         if kind in ("bricks", "cells") and not self.distance.truncation_m:
             raise SettingsError(

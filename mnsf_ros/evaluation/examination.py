@@ -18,8 +18,8 @@ from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.point_times import TIMES
 from mnsf_ros.input_check.sweep_sample import Located
-from mnsf_ros.input_check.turning import Turning
-from mnsf_ros.online.scene import ReadySweeps
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
+from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
@@ -75,7 +75,7 @@ class Examiner:
         if self._stream.triplet is None:
             return
         prepared = self._stream.prepare(self._stream.triplet)
-        if isinstance(prepared.content, ReadySweeps):
+        if isinstance(prepared.content, PreparedSweeps):
             current = prepared.content.of_triplet[-2]
             pose, own = current.pose, (int(current.own.sum()), current.own_reach_m)
             located = Located(current.sweep, pose.world_from_stamp, pose.source.value, *own)
@@ -93,7 +93,7 @@ class Examiner:
         )
         return float(np.linalg.norm(last - first))
 
-    def _turning(self) -> Iterator[Finding]:
+    def _rotation(self) -> Iterator[Finding]:
         """Yields what the sweeps without times show."""
         mounting = self._stream.mounting
         is_level = mounting.found is None or mounting.found.is_level
@@ -101,7 +101,7 @@ class Examiner:
             return
         floor_m = -np.inf if mounting.ground is None else _ABOVE_M - float(mounting.ground[3])
         sweeps = [one.sweep for one in self._untimed]
-        found = Turning.of(sweeps, floor_m, self._stream.settings.ego_motion)
+        found = LidarRotation.of(sweeps, floor_m, self._stream.settings.ego_motion)
         if found is not None and found.times is not None:
             text = (
                 "points have no times, but the lidar turns: static things stay within "
@@ -113,11 +113,11 @@ class Examiner:
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
         """Returns what was found, with facts about the source of the clouds, and notes."""
         found, num_clouds = self.check.findings(), self.check.num_clouds
-        turning = [*self._turning()]
-        if turning:
+        rotation = [*self._rotation()]
+        if rotation:
             # It is known now.
             found = [one for one in found if one.assumption != TIMES]
-        found = sorted([*turning, *found], key=lambda finding: -finding.severity)
+        found = sorted([*rotation, *found], key=lambda finding: -finding.severity)
         if num_clouds < _LEAST_CLOUDS:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
             found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))

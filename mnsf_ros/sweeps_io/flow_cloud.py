@@ -72,10 +72,10 @@ class CloudReader:
         own_stamp_ns = decode_stamp(message.header.stamp)
         stamp_ns = own_stamp_ns or now_ns
         self._stamps_ns.append(stamp_ns)
-        if (turning := settings.turning) is None:
+        if (rotation := settings.rotation) is None:
             times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
         else:
-            by_azimuth = AzimuthTimes(*turning)
+            by_azimuth = AzimuthTimes(*rotation)
             times = PointTimes(by_azimuth.of(xyz, self._interval_s), f"azimuth, {by_azimuth}")
         num_untimed = 0
         if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():

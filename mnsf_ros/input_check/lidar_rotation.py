@@ -31,7 +31,7 @@ _GUESSES: Final = tuple(
 )
 
 
-class Turning(NamedTuple):
+class LidarRotation(NamedTuple):
     """Distances of static points from those of a sweep some metres before, median in metres.
 
     Attributes:
@@ -47,7 +47,7 @@ class Turning(NamedTuple):
     @classmethod
     def of(
         cls, sweeps: Sequence[Sweep], floor_m: float, settings: EgoMotionSettings
-    ) -> "Turning | None":
+    ) -> "LidarRotation | None":
         """Compares sweeps in a row, levelled and without times; None if they are too near.
 
         Args:

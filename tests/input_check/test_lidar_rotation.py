@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from box_street import SENSOR_HEIGHT_M, BoxStreet, pose
 
-from mnsf_ros.input_check.turning import Turning
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
 
@@ -27,7 +27,7 @@ def test_only_clouds_that_are_not_corrected_turn(is_corrected):
         replace(sweep, xyz=straight.astype(np.float32) if is_corrected else sweep.xyz, times_s=None)
         for sweep, straight in drive(15.0)
     ]
-    found = Turning.of(sweeps, FLOOR_M, SETTINGS)
+    found = LidarRotation.of(sweeps, FLOOR_M, SETTINGS)
     if is_corrected:
         assert found.times is None
     else:
@@ -37,7 +37,8 @@ def test_only_clouds_that_are_not_corrected_turn(is_corrected):
 
 def test_a_slow_sensor_shows_nothing():
     assert (
-        Turning.of([replace(one, times_s=None) for one, _ in drive(1.0)], FLOOR_M, SETTINGS) is None
+        LidarRotation.of([replace(one, times_s=None) for one, _ in drive(1.0)], FLOOR_M, SETTINGS)
+        is None
     )
 
 
