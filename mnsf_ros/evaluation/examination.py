@@ -16,9 +16,9 @@ from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.point_times import TIMES
 from mnsf_ros.input_check.sweep_sample import Located
-from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings

@@ -36,10 +36,8 @@ def test_only_clouds_that_are_not_corrected_turn(is_corrected):
 
 
 def test_a_slow_sensor_shows_nothing():
-    assert (
-        LidarRotation.of([replace(one, times_s=None) for one, _ in drive(1.0)], FLOOR_M, SETTINGS)
-        is None
-    )
+    sweeps = [replace(sweep, times_s=None) for sweep, _ in drive(1.0)]
+    assert LidarRotation.of(sweeps, FLOOR_M, SETTINGS) is None
 
 
 def test_times_go_once_around_with_the_middle_at_the_stamp():
