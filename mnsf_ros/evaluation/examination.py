@@ -1,8 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Examination of a stream: what its clouds are, and what of them does not fit the method."""
 
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,8 +15,6 @@ from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
-from mnsf_ros.input_check.lidar_rotation import LidarRotation
-from mnsf_ros.input_check.point_times import TIMES
 from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.recording.bag_reader import BagReader
@@ -27,10 +24,6 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 TF_TOPIC: Final = "/tf"
 _LEAST_CLOUDS: Final = 2
-# Enough to see whether a lidar without times turns.
-_NUM_UNTIMED: Final = 40
-_WAY_M: Final = 30.0
-_ABOVE_M: Final = 0.4
 
 
 @dataclass(frozen=True)
@@ -65,8 +58,7 @@ class Examiner:
         # Odometry is judged by registration.
         source = {"ego_motion.source": EgoSource.REGISTRATION.value}
         self._stream = Stream(settings.changed(source), "online")
-        self.check = InputCheck(settings, self._stream.mounting)
-        self._untimed: deque[Located] = deque(maxlen=_NUM_UNTIMED)
+        self.check = InputCheck(settings, self._stream.mounting, is_thorough=True)
         self.findings = Findings(mounting=self._stream.mounting, input_check=self.check)
 
     def add(self, sweep: Sweep) -> None:
@@ -80,44 +72,10 @@ class Examiner:
             pose, own = current.pose, (int(current.own.sum()), current.own_reach_m)
             located = Located(current.sweep, pose.world_from_stamp, pose.source.value, *own)
             self.check.locate(located)
-            if current.sweep.times_s is None and self._way_m < _WAY_M:
-                self._untimed.append(located)
-
-    @property
-    def _way_m(self) -> float:
-        """Between the first and the last of the sweeps without times."""
-        if not self._untimed:
-            return 0.0
-        first, last = (
-            one.world_from_sensor[:3, 3] for one in (self._untimed[0], self._untimed[-1])
-        )
-        return float(np.linalg.norm(last - first))
-
-    def _rotation(self) -> Iterator[Finding]:
-        """Yields what the sweeps without times show."""
-        mounting = self._stream.mounting
-        is_level = mounting.found is None or mounting.found.is_level
-        if len(self._untimed) < _LEAST_CLOUDS or not is_level:
-            return
-        floor_m = -np.inf if mounting.ground is None else _ABOVE_M - float(mounting.ground[3])
-        sweeps = [one.sweep for one in self._untimed]
-        found = LidarRotation.of(sweeps, floor_m, self._stream.settings.ego_motion)
-        if found is not None and found.times is not None:
-            text = (
-                "points have no times, but the lidar turns: static things stay within "
-                f"{found.least_m:.2f} m with times by the azimuth, {found.as_is_m:.2f} m without"
-            )
-            remedy = f"Publish the time of each point, or set time.field={found.times}"
-            yield Finding(TIMES, Severity.WARNING, text, remedy)
 
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
         """Returns what was found, with facts about the source of the clouds, and notes."""
         found, num_clouds = self.check.findings(), self.check.num_clouds
-        rotation = [*self._rotation()]
-        if rotation:
-            # It is known now.
-            found = [one for one in found if one.assumption != TIMES]
-        found = sorted([*rotation, *found], key=lambda finding: -finding.severity)
         if num_clouds < _LEAST_CLOUDS:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
             found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))

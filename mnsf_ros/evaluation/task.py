@@ -67,7 +67,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     """
     recording, num_rows = task.recording, len(task.skipped)
     findings = Findings()
-    findings.input_check = check = InputCheck(options.settings, findings.mounting)
+    findings.input_check = check = InputCheck(options.settings, findings.mounting, is_thorough=True)
     stream = Stream(options.settings, task.method.name)
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)

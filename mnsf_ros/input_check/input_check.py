@@ -7,6 +7,7 @@ from typing import Final
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.mounting import Mounting
 from mnsf_ros.input_check.odometry_fit import OdometryFit
 from mnsf_ros.input_check.own_body import OwnBody
@@ -27,14 +28,22 @@ _EVERY: Final = 10
 class InputCheck:
     """Measures what the method assumes about its input. Any thread may call it.
 
-    It keeps two sweeps, and some hundred numbers.
+    It keeps two sweeps and some hundred numbers.
 
     Attributes:
         num_clouds: Clouds that were added.
     """
 
-    def __init__(self, settings: Settings, mounting: MountingEstimate) -> None:
-        """Starts without clouds; `mounting` is that of the stream."""
+    def __init__(
+        self, settings: Settings, mounting: MountingEstimate, *, is_thorough: bool = False
+    ) -> None:
+        """Starts without clouds.
+
+        Args:
+            settings: Those of the stream.
+            mounting: That of the stream.
+            is_thorough: Whether it may keep some sweeps, and take seconds for `findings`.
+        """
         self.num_clouds = 0
         self._lock = threading.Lock()
         self._odometry = OdometryFit(settings.ego_motion)
@@ -42,7 +51,7 @@ class InputCheck:
             CloudLayout(),
             Revolution(),
             Stamps(),
-            TimesOfPoints(),
+            TimesOfPoints(LidarRotation(settings.ego_motion, mounting) if is_thorough else None),
             Mounting(mounting),
             OwnBody(is_searched=settings.crop.own_body == "auto"),
         )

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 
-TIMES: Final = "each point has its time of measurement"
+_ASSUMPTION: Final = "each point has its time of measurement"
 # Lidars turn at 5 to 20 Hz, a few at 30.
 _MAX_RATE_HZ: Final = 35.0
 # Mean length of the unit vectors of the phase between time and azimuth. Lidars that turn have more
@@ -42,12 +43,14 @@ class _Times(NamedTuple):
 class TimesOfPoints(Assumption):
     """Compares the times of points with the interval of stamps and with azimuths."""
 
-    def __init__(self) -> None:
+    def __init__(self, rotation: LidarRotation | None) -> None:
+        """Starts without clouds; `rotation` finds out whether a lidar without times turns."""
+        self._rotation = rotation
         self._times: deque[_Times] = deque(maxlen=100)
         self._intervals_s: deque[float] = deque(maxlen=100)
         self._speeds_m_s: deque[float] = deque(maxlen=100)
         self._source, self._fault, self._num_faults, self._num = "none", "", 0, 0
-        self._last_ns = 0
+        self._last_ns, self._unused = 0, ""
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
@@ -57,6 +60,8 @@ class TimesOfPoints(Assumption):
         self._last_ns, self._num = stamp_ns, self._num + 1
         if sample.cloud is not None:
             self._source = sample.cloud.times.source
+            names = [field.name for field in sample.cloud.message.fields]
+            self._unused = next((name for name in names if "time" in name), "")
             if fault := sample.cloud.times.fault:
                 self._fault, self._num_faults = fault, self._num_faults + 1
         if sample.is_due and sample.times_s is not None and len(sample.times_s):
@@ -64,6 +69,8 @@ class TimesOfPoints(Assumption):
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
+        if self._rotation is not None and not self._times:
+            self._rotation.add(step.after)
         if step.interval_s > 0:
             self._speeds_m_s.append(step.way_m / step.interval_s)
 
@@ -80,7 +87,7 @@ class TimesOfPoints(Assumption):
         if self._num_faults:
             found = f"times of points cannot be read in {self._num_faults} of {self._num} clouds"
             remedy = "Name field and unit by time.field and time.unit, or time.field=none"
-            yield Finding(TIMES, Severity.ERROR, f"{found}: {self._fault}", remedy)
+            yield Finding(_ASSUMPTION, Severity.ERROR, f"{found}: {self._fault}", remedy)
         elif not self._times:
             yield from self._without()
         elif self._intervals_s:
@@ -99,6 +106,16 @@ class TimesOfPoints(Assumption):
         return bool(np.median([one.is_turning for one in self._times]))
 
     def _without(self) -> Iterator[Finding]:
+        rotation = None if self._rotation is None else self._rotation.found
+        if rotation is not None:
+            found = (
+                "points have no times, but the lidar turns: static things stay within "
+                f"{rotation.off_m:.3f} m with times by the azimuth, {rotation.off_without_m:.3f} m "
+                "without"
+            )
+            remedy = f"Publish the time of each point, or set time.field={rotation.times}"
+            yield Finding(_ASSUMPTION, Severity.WARNING, found, remedy)
+            return
         speed_m_s = float(np.median(self._speeds_m_s)) if self._speeds_m_s else 0.0
         if speed_m_s > _SLOW_M_S and self._intervals_s:
             shift_m = speed_m_s * float(np.median(self._intervals_s))
@@ -106,10 +123,10 @@ class TimesOfPoints(Assumption):
                 f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
                 f"{shift_m:.1f} m off, if the lidar turns and its driver does not correct it"
             )
-            remedy = (
-                "Let the driver publish the time of each point, or set time.field: clockwise 180"
-            )
-            yield Finding(TIMES, Severity.INFO, found, remedy)
+            remedy = "Publish the time of each point, or set time.field=clockwise:180"
+            if self._unused:
+                remedy = f"If the field {self._unused!r} has them, set time.field={self._unused}"
+            yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
 
     def _contradictions(self, interval_s: float) -> Iterator[Finding]:
         duration_s = self._duration_s
@@ -118,14 +135,14 @@ class TimesOfPoints(Assumption):
         text = f"{spans}, sweeps are {1e3 * interval_s:.1f} ms apart"
         remedy = "Correct the driver, set time.unit, or use no times: time.field=none"
         if span_s > (1 + _TOLERANCE) * interval_s:
-            yield Finding(TIMES, Severity.ERROR, text, remedy)
+            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
         elif self._is_turning and duration_s < 1 / _MAX_RATE_HZ and duration_s < interval_s / 2:
             text += f": no lidar turns {1 / duration_s:.0f} times a second"
-            yield Finding(TIMES, Severity.ERROR, text, remedy)
+            yield Finding(_ASSUMPTION, Severity.ERROR, text, remedy)
         reach_s = float(np.median([one.reach_s for one in self._times]))
         if reach_s > 2 * span_s:
             text = f"{spans}, but those of a few points {1e3 * reach_s:.1f} ms"
-            yield Finding(TIMES, Severity.WARNING, text, remedy)
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
         if not self._is_turning:
             return
         distinct = int(np.median([one.num_distinct for one in self._times]))
@@ -137,12 +154,12 @@ class TimesOfPoints(Assumption):
                 f"{1e3 * duration_s / distinct:.0f} ms apart"
             )
             remedy = "Record without a codec that rounds times, or use no times: time.field=none"
-            yield Finding(TIMES, Severity.WARNING, text, remedy)
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
         elsewhere = float(np.mean([one.elsewhere for one in self._times]))
         if elsewhere > _MAX_ELSEWHERE:
             text = f"the times of {elsewhere:.2%} of the points contradict their direction"
             remedy = "Look for lost packets, whose points have the time 0"
-            yield Finding(TIMES, Severity.WARNING, text, remedy)
+            yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
 
 
 def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_street import SENSOR_HEIGHT_M, BoxStreet, pose
+from box_street import BoxStreet, pose
 
 from mnsf_ros.input_check.lidar_rotation import LidarRotation
+from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
-
-SETTINGS = replace(Settings().ego_motion, source="registration")
-FLOOR_M = 0.4 - SENSOR_HEIGHT_M
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 
 
 def drive(speed_m_s):
@@ -21,23 +20,29 @@ def drive(speed_m_s):
     ]
 
 
+def rotation(speed_m_s, *, is_corrected):
+    """What the sweeps show without their times, as measured or as a driver corrects them."""
+    mounting = MountingEstimate()
+    found = LidarRotation(Settings().ego_motion, mounting)
+    for number, (sweep, straight) in enumerate(drive(speed_m_s)):
+        xyz = straight.astype(np.float32) if is_corrected else sweep.xyz
+        own = mounting.mounted(replace(sweep, xyz=xyz, times_s=None), Settings())
+        found.add(Located(own, pose(0.1 * speed_m_s * number), "registration"))
+    return found.found
+
+
 @pytest.mark.parametrize("is_corrected", [False, True])
 def test_only_clouds_that_are_not_corrected_turn(is_corrected):
-    sweeps = [
-        replace(sweep, xyz=straight.astype(np.float32) if is_corrected else sweep.xyz, times_s=None)
-        for sweep, straight in drive(15.0)
-    ]
-    found = LidarRotation.of(sweeps, FLOOR_M, SETTINGS)
+    found = rotation(15.0, is_corrected=is_corrected)
     if is_corrected:
-        assert found.times is None
+        assert found is None
     else:
         assert found.times.is_clockwise
-        assert found.least_m < 0.9 * found.as_is_m
+        assert found.off_m < 0.9 * found.off_without_m
 
 
 def test_a_slow_sensor_shows_nothing():
-    sweeps = [replace(sweep, times_s=None) for sweep, _ in drive(1.0)]
-    assert LidarRotation.of(sweeps, FLOOR_M, SETTINGS) is None
+    assert rotation(1.0, is_corrected=False) is None
 
 
 def test_times_go_once_around_with_the_middle_at_the_stamp():
