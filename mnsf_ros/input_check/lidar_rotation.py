@@ -76,7 +76,7 @@ class LidarRotation:
         return Rotation(best, off_m[best], off_without_m) if is_clear else None
 
     def _off_m(self, sweeps: list[Sweep], guess: AzimuthTimes | None, floor_m: float) -> float:
-        """Mean over pairs of sweeps of the median distance of points; infinite without enough pairs."""
+        """Mean of the median distances of points in pairs of sweeps; infinite for too few pairs."""
         interval_s = float(np.median(np.diff([sweep.stamp_ns for sweep in sweeps]))) / NANOSECONDS
         ego_motion = EgoMotion(self._settings)
         clouds, places = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
