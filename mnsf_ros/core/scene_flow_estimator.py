@@ -98,17 +98,6 @@ class SceneFlowEstimator(Protocol):
 
 
 @runtime_checkable
-class AdaptingEstimator(Protocol):
-    """A method that can do less where it would else be too slow.
-
-    Attributes:
-        effort: Of the next estimate. It is set by the thread that estimates.
-    """
-
-    effort: Effort
-
-
-@runtime_checkable
 class PreparingEstimator(SceneFlowEstimator, Protocol):
     """A method with work that each sweep needs once, whatever becomes of its triplets.
 
@@ -133,10 +122,11 @@ class PreparingEstimator(SceneFlowEstimator, Protocol):
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
         prepared: Any = None,  # noqa: ANN401 - as above
+        effort: Effort = Effort.FULL,
     ) -> FlowEstimate:
         """Estimates the flow of a prepared triplet, like `estimate` of every method.
 
         The flow is the same if nobody has prepared it: None stands for that, and the method
-        prepares it first.
+        prepares it first. Under load `effort` is lower: the method leaves out what it can.
         """
         ...

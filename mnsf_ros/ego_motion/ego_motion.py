@@ -33,8 +33,8 @@ _HEAVE_M: Final = 1.0
 _LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
 # Maximum number of matches of a sweep, each with the motion found last.
 _MAX_ROUNDS: Final = 3
-# Number of poses kept: more than any method looks back.
-_MAX_POSES: Final = 12
+# Number of sweeps kept. Up to 22 Hz they reach back far enough for the sweep 0.6 s ago.
+MAX_SWEEPS: Final = 12
 
 
 class EgoSource(Enum):
@@ -272,7 +272,7 @@ class SensorPoses:
         for sweep in sweeps:
             found[sweep] = self._poses.get(sweep) or self._ego_motion.pose_of(sweep)
         self._poses |= found
-        for sweep in list(self._poses)[:-_MAX_POSES]:
+        for sweep in list(self._poses)[:-MAX_SWEEPS]:
             del self._poses[sweep]
         return found
 

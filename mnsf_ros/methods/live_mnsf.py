@@ -20,7 +20,7 @@ from mnsf_ros.core.compute_device import (
     on_device,
     one_thread,
 )
-from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
@@ -62,6 +62,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
         prepared: PreparedSweeps | None = None,
+        effort: Effort = Effort.FULL,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep, see `ObjectFlowEstimator`.
 
@@ -75,7 +76,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         self._fits, self._kinds = {}, set()
         are_fresh = self._networks is None or not self._networks.fitted
         with one_thread():
-            estimate = super().estimate(triplet, cancelled, prepared)
+            estimate = super().estimate(triplet, cancelled, prepared, effort)
         # Tracks may be warm while networks are fresh: after a failed fit.
         is_cold = estimate.start is Start.WARM and are_fresh and bool(self._fits)
         return replace(

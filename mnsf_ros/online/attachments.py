@@ -115,11 +115,11 @@ def _near_from_above(
     for row in range(len(points)):
         x, y = int((points[row, 0] - low_x) / REACH_M), int((points[row, 1] - low_y) / REACH_M)
         is_near[x - 1 : x + 2, y - 1 : y + 2] = True
-    found, number = np.empty(len(places), np.int64), 0
+    found, num_found = np.empty(len(places), np.int64), 0
     for row in range(len(places)):
         x, y = (places[row, 0] - low_x) / REACH_M, (places[row, 1] - low_y) / REACH_M
         is_inside = (0 <= x < num_rows) & (0 <= y < num_columns)
         if wanted[row] and is_inside and is_near[int(x), int(y)]:
-            found[number] = row
-            number += 1
-    return found[:number].copy()
+            found[num_found] = row
+            num_found += 1
+    return found[:num_found].copy()

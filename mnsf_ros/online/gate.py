@@ -77,7 +77,7 @@ def free_space(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
     """
-    current = targets.near[0].current
+    current = targets.next.current
     rows = objects.rows_of(current.num_objects)[current.thinned_objects]
     points, owners = chosen_points(current.thinned, rows >= 0), rows[rows >= 0]
     free = np.zeros(len(objects))

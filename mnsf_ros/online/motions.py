@@ -47,10 +47,10 @@ class TrackPrior(Rows):
     deviations_m: NDArray[np.float64]
 
     @classmethod
-    def without_tracks(cls, number: int) -> "TrackPrior":
+    def without_tracks(cls, num_objects: int) -> "TrackPrior":
         """Returns the prior of so many objects without tracks."""
-        nothing, motions = np.zeros(number), np.zeros((number, 3), np.float32)
-        return cls(nothing, motions, nothing, nothing, np.ones(number))
+        nothing, motions = np.zeros(num_objects), np.zeros((num_objects, 3), np.float32)
+        return cls(nothing, motions, nothing, nothing, np.ones(num_objects))
 
     @property
     def has_track(self) -> NDArray[np.bool_]:

@@ -41,7 +41,6 @@ class ObjectFlowEstimator:
     Attributes:
         settings: Settings of the estimator.
         traits: It uses three sweeps, or two where there is no previous one.
-        effort: Of the next estimate.
     """
 
     def __init__(self, settings: Settings, track_ids: Iterator[int] | None = None) -> None:
@@ -56,7 +55,7 @@ class ObjectFlowEstimator:
         """
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
-        self.settings, self.effort = settings, Effort.FULL
+        self.settings = settings
         self.traits = MethodTraits(
             num_sweeps=3,
             carries_state=True,
@@ -82,6 +81,7 @@ class ObjectFlowEstimator:
         triplet: SweepTriplet,
         cancelled: Callable[[], bool] = never,
         prepared: PreparedSweeps | None = None,
+        effort: Effort = Effort.FULL,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
@@ -89,12 +89,13 @@ class ObjectFlowEstimator:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
             cancelled: Asked between the steps; True ends the estimate with CancelledError.
             prepared: Result of `prepare` for the triplet; None: `prepare` is called first.
+            effort: Less leaves out older sweeps and suspects.
 
         Raises:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock, effort, start = StageClock(cancelled), self.effort, self._tracker.start
+        clock, start = StageClock(cancelled), self._tracker.start
         stamp_ns, interval_s = triplet.current.stamp_ns, triplet.interval_s
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
@@ -117,8 +118,8 @@ class ObjectFlowEstimator:
             table = with_turns(table, scene)
         with clock.stage("tracks"):
             measured = Measurements.of(table, world_from_sensor, scene.usual_interval_s)
-            tracks, ids = self._tracker.update(tracks, measured, stamp_ns, interval_s)
-            table = table.put(table.followed_rows, track_ids=ids[table.groups[table.followed_rows]])
+            tracks, track_ids = self._tracker.update(tracks, measured, stamp_ns, interval_s)
+            table = table.with_tracks(track_ids)
         with clock.stage("output"):
             over_ground = to_points(scene, table, tracks)
             flow = flow_of(scene.current, over_ground)
@@ -136,9 +137,9 @@ class ObjectFlowEstimator:
         )
 
     def find_motions(self, table: ObjectTable, scene: Scene, clock: StageClock) -> ObjectTable:
-        """Fills `start` and `moving` of the suspects, and rejects those that do not need a motion.
+        """Fills `start` and `moving` of the suspects; rejects those that no motion explains better.
 
-        Forward field, backward field, inversion, fusion; each starts from a first guess.
+        First guess, forward field, backward field, inversion, fusion.
 
         Args:
             table: All objects; the open ones are suspects.

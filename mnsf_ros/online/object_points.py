@@ -16,8 +16,8 @@ from mnsf_ros.settings import ObjectSettings
 _Own = TypeVar("_Own", bound="Rows")
 
 
-# Distance between points of the same surface in two sweeps: noise and thinning at short range, the
-# spacing of the beams at long range.
+# Distance between points of the same surface in two sweeps: noise of the ranges, and half of the
+# 0.4 degrees between the beams of a 64-beam lidar.
 NOISE_M: Final = 0.02
 _SPACING_PER_M: Final = 0.0035
 # This many points of an object are enough to compare motions roughly.
@@ -96,14 +96,14 @@ class ObjectPoints(Rows):
         owners = places[self.owners]
         return self._with_points(np.flatnonzero(owners >= 0), self.numbers[rows], owners)
 
-    def repeated(self, number: int) -> "ObjectPoints":
-        """Returns copies of the objects as new objects: one call is faster than several."""
-        owners = np.arange(number)[:, None] * len(self) + self.owners
+    def repeated(self, times: int) -> "ObjectPoints":
+        """Returns so many copies of the objects as new objects: one call is faster than several."""
+        owners = np.arange(times)[:, None] * len(self) + self.owners
         return ObjectPoints(
-            np.tile(self.numbers, number),
-            np.tile(self.positions, (number, 1)),
+            np.tile(self.numbers, times),
+            np.tile(self.positions, (times, 1)),
             owners.ravel(),
-            np.tile(self.spacing, number),
+            np.tile(self.spacing, times),
         )
 
     def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":

@@ -111,11 +111,11 @@ class ObjectSweep:
 
         Points of a part are points of its whole, too.
         """
-        labels = self.thinned_objects
-        wholes = self.wholes[labels]
-        of_parts = np.flatnonzero(wholes != labels)
+        objects = self.thinned_objects
+        wholes = self.wholes[objects]
+        of_parts = np.flatnonzero(wholes != objects)
         points = np.concatenate([self.thinned, np.take(self.thinned, of_parts, axis=0)])
-        return points, np.append(wholes, labels[of_parts])
+        return points, np.append(wholes, objects[of_parts])
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -168,19 +168,19 @@ def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.floa
 
 @compiled("float32[::1](float32[:, ::1], int64[::1], int64)")
 def sizes_of(
-    points: NDArray[np.float32], objects: NDArray[np.int64], number: int
+    points: NDArray[np.float32], objects: NDArray[np.int64], num_objects: int
 ) -> NDArray[np.float32]:
-    """Sizes as of `ObjectSweep.sizes`, of points (N, 3) of objects (N,) from 0 to `number` - 1."""
-    low = np.full((number, 2), np.float32(np.inf), np.float32)
-    high = np.full((number, 2), np.float32(-np.inf), np.float32)
+    """Returns (num_objects,) the `ObjectSweep.sizes` of points (N, 3) of objects (N,)."""
+    low = np.full((num_objects, 2), np.float32(np.inf), np.float32)
+    high = np.full((num_objects, 2), np.float32(-np.inf), np.float32)
     for point in range(len(points)):
         for axis in range(2):
-            place, owner = points[point, axis], objects[point]
-            low[owner, axis] = min(low[owner, axis], place)
-            high[owner, axis] = max(high[owner, axis], place)
-    sizes = np.zeros(number, np.float32)
-    for owner in range(number):
-        sizes[owner] = max(
-            high[owner, 0] - low[owner, 0], high[owner, 1] - low[owner, 1], np.float32(0.0)
+            place, each = points[point, axis], objects[point]
+            low[each, axis] = min(low[each, axis], place)
+            high[each, axis] = max(high[each, axis], place)
+    sizes = np.zeros(num_objects, np.float32)
+    for each in range(num_objects):
+        sizes[each] = max(
+            high[each, 0] - low[each, 0], high[each, 1] - low[each, 1], np.float32(0.0)
         )
     return sizes

@@ -101,7 +101,7 @@ def _shares_at(xyz: NDArray[np.float32], shares: NDArray[np.float32]) -> NDArray
 
 
 @compiled("void(float32[:, :, ::1], float32[:, ::1], int64)")
-def _average(shares: NDArray[np.float32], xyz: NDArray[np.float32], number: int) -> None:
+def _average(shares: NDArray[np.float32], xyz: NDArray[np.float32], num_sweeps: int) -> None:
     """Includes points (P, 3) in the running mean of the shares (C, C, C) over so many sweeps."""
     is_occupied = np.zeros(shares.shape, np.bool_)
     for row in range(len(xyz)):
@@ -109,4 +109,4 @@ def _average(shares: NDArray[np.float32], xyz: NDArray[np.float32], number: int)
         is_occupied[x : x + 2, y : y + 2, z : z + 2] = True
     means, occupied = shares.reshape(-1), is_occupied.reshape(-1)
     for cell in range(len(means)):
-        means[cell] += (np.float32(occupied[cell]) - means[cell]) / np.float32(number)
+        means[cell] += (np.float32(occupied[cell]) - means[cell]) / np.float32(num_sweeps)

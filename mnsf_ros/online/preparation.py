@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from mnsf_ros.core.flow_estimate import Effort
-from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
+from mnsf_ros.ego_motion.ego_motion import MAX_SWEEPS, EgoSource, SensorPose, SensorPoses
 from mnsf_ros.online.object_sweep import ObjectSweep
 from mnsf_ros.online.own_body import OwnBody
 from mnsf_ros.online.splitting import split
@@ -18,9 +18,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTri
 # Ages of the older sweeps: three and six sweeps at 10 Hz. Within the first a car does not turn by
 # much; within the second a slow pedestrian moves by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
-_MAX_SWEEPS: Final = 12
-# Effort to the divisor of `objects.max_suspects`.
-_SHARES: Final = {Effort.HALF: 2, Effort.LEAST: 4}
+# Effort to what `objects.max_suspects` is divided by.
+_DIVISORS: Final = {Effort.HALF: 2, Effort.LEAST: 4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ class Preparation:
         self._sweeps[sweep] = ready = ObjectSweep(sweep, pose, self._settings, own)
         *_, earliest = _related(self._sweeps.values())
         self._own_body.learn(ready, earliest)
-        while len(self._sweeps) > _MAX_SWEEPS:
+        while len(self._sweeps) > MAX_SWEEPS:
             del self._sweeps[next(iter(self._sweeps))]
 
 
@@ -155,7 +154,7 @@ class Scene:
         past = prepared.past(current, interval_s) if effort is Effort.FULL else []
         current = split(current, past)
         near, past = ([replace(one, current=current) for one in each] for each in (near, past))
-        max_suspects = max(1, settings.max_suspects // _SHARES.get(effort, 1))
+        max_suspects = max(1, settings.max_suspects // _DIVISORS.get(effort, 1))
         limited = replace(settings, max_suspects=max_suspects)
         return cls(current, Targets(near, past), interval_s, limited)
 

@@ -72,7 +72,7 @@ def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
         changed[own[is_part]] = places[is_part] + num_objects
         return changed
 
-    labels = apart(current.thinned, current.thinned_objects)
-    counts = np.bincount(labels, minlength=num_objects + len(keys))[num_objects:]
+    objects = apart(current.thinned, current.thinned_objects)
+    counts = np.bincount(objects, minlength=num_objects + len(keys))[num_objects:]
     keys = keys[2 * counts <= current.counts[keys % num_objects]]
     return current.relabelled(apart, np.append(current.wholes, keys % num_objects))

@@ -63,27 +63,27 @@ class ObjectTable(Rows):
         cls, points: ObjectPoints, wholes: NDArray[np.int64], prior: TrackPrior, targets: Targets
     ) -> "ObjectTable":
         """Returns the table before any stage: all objects are open."""
-        number = len(points)
+        num_objects = len(points)
         unknown = JudgedMotions(
-            np.zeros((number, 3), np.float32),
-            np.full((number, len(targets.near)), np.nan),
-            np.full((number, len(targets.past)), np.nan),
+            np.zeros((num_objects, 3), np.float32),
+            np.full((num_objects, len(targets.near)), np.nan),
+            np.full((num_objects, len(targets.past)), np.nan),
         )
         return cls(
             points=points,
             wholes=wholes,
-            verdicts=np.full(number, Verdict.OPEN, object),
+            verdicts=np.full(num_objects, Verdict.OPEN, object),
             prior=prior,
             static=unknown,
             start=unknown.motions,
             moving=unknown,
-            free=np.zeros(number),
-            evidence=np.zeros((number, NUM_FEATURES)),
-            log_odds=np.zeros(number),
-            residual_rise=np.zeros(number),
-            groups=np.full(number, -1),
-            heads=np.zeros((number, 3, 3)),
-            track_ids=np.zeros(number, np.int64),
+            free=np.zeros(num_objects),
+            evidence=np.zeros((num_objects, NUM_FEATURES)),
+            log_odds=np.zeros(num_objects),
+            residual_rise=np.zeros(num_objects),
+            groups=np.full(num_objects, -1),
+            heads=np.zeros((num_objects, 3, 3)),
+            track_ids=np.zeros(num_objects, np.int64),
         )
 
     def __len__(self) -> int:
@@ -119,6 +119,11 @@ class ObjectTable(Rows):
         is_certain = self.verdicts == Verdict.NOT_SUSPECTED
         return self.select(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
 
+    def with_tracks(self, track_ids: NDArray[np.int64]) -> "ObjectTable":
+        """Returns the table with the `track_id` (G,) of each group."""
+        rows = self.followed_rows
+        return self.put(rows, track_ids=track_ids[self.groups[rows]])
+
     @property
     def num_groups(self) -> int:
         """Number of groups of objects that move, or may move, alike."""
@@ -137,8 +142,8 @@ class ObjectTable(Rows):
 
 
 def sums_by_group(
-    values: NDArray[Any], groups: NDArray[np.int64], number: int
+    values: NDArray[Any], groups: NDArray[np.int64], num_groups: int
 ) -> NDArray[np.float64]:
-    """Returns (number, 3) the sums of the rows (M, 3) of each group; groups (M,) of rows."""
-    columns = [np.bincount(groups, values[:, axis], number) for axis in range(3)]
+    """Returns (num_groups, 3) the sums of the values (M, 3) of each group (M,)."""
+    columns = [np.bincount(groups, values[:, axis], num_groups) for axis in range(3)]
     return np.stack(columns, axis=1)

@@ -110,8 +110,8 @@ class Target:
     def objects_near_gone(self) -> NDArray[np.int64]:
         """The numbers of the objects of the current sweep that are near points that are gone."""
         nearest = self.current.grid.nearest(self.gone)
-        labels = self.current.thinned_objects[nearest[nearest >= 0]]
-        return np.append(labels, self.current.wholes[labels])
+        objects = self.current.thinned_objects[nearest[nearest >= 0]]
+        return np.append(objects, self.current.wholes[objects])
 
     def num_free(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
         """Returns (K,) how many points of each object are in free space of the sweep.

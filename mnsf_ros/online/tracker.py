@@ -63,21 +63,23 @@ class Measurements:
             interval_s: Time to the next sweep, above 0.
         """
         followed = table.select(table.followed_rows)
-        objects, groups, number = followed.points, followed.groups, table.num_groups
+        objects, groups, num_groups = followed.points, followed.groups, table.num_groups
         order = np.argsort(groups[objects.owners], kind="stable")
         points = transformed(objects.positions, world_from_sensor)[order].astype(np.float64)
         owners = groups[objects.owners][order]
         counts = objects.counts.astype(np.float64)
-        weights = np.bincount(groups, counts, number)[:, None]
-        centers = sums_by_group(points, owners, number) / weights
+        weights = np.bincount(groups, counts, num_groups)[:, None]
+        centers = sums_by_group(points, owners, num_groups) / weights
         velocities = turned(table.group_motions, world_from_sensor[:3, :3]) / interval_s
         # The middle of the visible points shifts when another side comes into view.
-        spread = np.sqrt(sums_by_group((points - centers[owners]) ** 2, owners, number) / weights)
+        spread = np.sqrt(
+            sums_by_group((points - centers[owners]) ** 2, owners, num_groups) / weights
+        )
         place_errors = spread.max(axis=1, initial=0.0)
         # If shifted motions hardly raise the residual, the velocity is uncertain.
-        rises = np.bincount(groups, counts * followed.residual_rise, number) / weights[:, 0]
+        rises = np.bincount(groups, counts * followed.residual_rise, num_groups) / weights[:, 0]
         velocity_errors = _MOTION_M / interval_s / np.clip(rises / (2 * NOISE_M), 1e-3, 1.0)
-        turn_rates, log_odds = np.zeros(number), np.full(number, -np.inf)
+        turn_rates, log_odds = np.zeros(num_groups), np.full(num_groups, -np.inf)
         turn_rates[groups] = turns_of(followed.heads) / interval_s
         np.maximum.at(log_odds, groups, followed.log_odds)
         return cls(
@@ -85,7 +87,7 @@ class Measurements:
             variances=np.stack([place_errors, velocity_errors], axis=1) ** 2,
             turn_rates=turn_rates,
             log_odds=log_odds,
-            are_moving=np.bincount(groups, followed.verdicts == Verdict.DYNAMIC, number) > 0,
+            are_moving=np.bincount(groups, followed.verdicts == Verdict.DYNAMIC, num_groups) > 0,
             points=points,
             owners=owners,
         )
@@ -314,25 +316,25 @@ def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[n
 
 
 def _shares_at_tracks(
-    tracks: Sequence[Track], points: NDArray[np.float64], owners: NDArray[np.int64], number: int
+    tracks: Sequence[Track], points: NDArray[np.float64], owners: NDArray[np.int64], num_owners: int
 ) -> NDArray[np.float64]:
-    """Returns (number, K) the share of each owner's points that is where each track predicts one.
+    """Returns (num_owners, K) the share of each owner's points that each track predicts.
 
     Args:
         tracks: K predicted tracks.
         points: (P, 3) metres, world.
-        owners: (P,) int from 0 to `number` - 1.
-        number: How many owners there are.
+        owners: (P,) int from 0 to `num_owners` - 1.
+        num_owners: How many owners there are.
     """
-    shares = np.zeros((number, len(tracks)))
-    if number == 0 or len(tracks) == 0:
+    shares = np.zeros((num_owners, len(tracks)))
+    if num_owners == 0 or len(tracks) == 0:
         return shares
     predicted = np.concatenate([track.points for track in tracks])
     track_of = np.repeat(np.arange(len(tracks)), [len(track.points) for track in tracks])
     nearest = PointGrid(predicted).nearest(points)
     is_near = nearest >= 0
     np.add.at(shares, (owners[is_near], track_of[nearest[is_near]]), 1.0)
-    shares /= np.maximum(np.bincount(owners, minlength=number), 1)[:, None]
+    shares /= np.maximum(np.bincount(owners, minlength=num_owners), 1)[:, None]
     return shares
 
 

@@ -141,18 +141,18 @@ def _normal_equations(
     owners: NDArray[np.int64],
     weights: NDArray[np.float64],
     wanted: NDArray[np.float64],
-    number: int,
+    num_objects: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the left and the right sides, (number, 3, 3) each, of weighted least squares.
+    """Returns the left and the right sides, (num_objects, 3, 3) each, of weighted least squares.
 
     Args:
         encoding: (P, 3) of the points.
         owners: (P,) their objects.
         weights: (P,) how much each counts.
         wanted: (P, 3) metres, the target values of the flow.
-        number: How many objects there are.
+        num_objects: How many objects there are.
     """
-    left, right = np.zeros((number, 3, 3)), np.zeros((number, 3, 3))
+    left, right = np.zeros((num_objects, 3, 3)), np.zeros((num_objects, 3, 3))
     for row in range(len(encoding)):
         owner = owners[row]
         for feature in range(3):

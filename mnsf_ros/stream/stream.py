@@ -8,7 +8,6 @@ from typing import Any, Final
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import (
-    AdaptingEstimator,
     MethodTraits,
     PreparingEstimator,
     SceneFlowEstimator,
@@ -191,10 +190,8 @@ class Stream:
         if prepared.error is not None:
             raise prepared.error
         estimator = prepared.estimator
-        if isinstance(estimator, AdaptingEstimator):
-            estimator.effort = effort
         if isinstance(estimator, PreparingEstimator):
-            estimate = estimator.estimate(prepared.levelled, cancelled, prepared.content)
+            estimate = estimator.estimate(prepared.levelled, cancelled, prepared.content, effort)
         else:
             estimate = estimator.estimate(prepared.levelled, cancelled)
         if prepared.levelled is not prepared.triplet:

@@ -218,8 +218,8 @@ def test_with_less_effort_older_sweeps_and_suspects_are_left_out():
     triplets = list(triplets_of(drive(*range(10))))
     usual, hasty = ObjectFlowEstimator(SETTINGS), ObjectFlowEstimator(SETTINGS)
     for number, each in enumerate(triplets):
-        hasty.effort = Effort.LEAST if number == 5 else Effort.FULL
-        wanted, found = usual.estimate(each), hasty.estimate(each)
+        effort = Effort.LEAST if number == 5 else Effort.FULL
+        wanted, found = usual.estimate(each), hasty.estimate(each, effort=effort)
         reason = found.reason_of(np.flatnonzero(of_car(each.current)))
         num_sweeps = len(reason.sweeps)
         if number < 5:

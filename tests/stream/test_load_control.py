@@ -22,15 +22,18 @@ class Adapting:
     gate = Gate()
 
     def __init__(self, _name, settings):
-        self.settings, self.effort = settings, FULL
+        self.settings = settings
 
     def renewed(self, settings):
         return Adapting("", settings)
 
-    def estimate(self, triplet, cancelled=never):
+    def prepare(self, triplet):
+        return triplet
+
+    def estimate(self, triplet, cancelled=never, prepared=None, effort=FULL):
         self.gate.go_through(cancelled)
         points = triplet.current.xyz
-        return FlowEstimate(np.zeros_like(points), np.ones(len(points), bool), effort=self.effort)
+        return FlowEstimate(np.zeros_like(points), np.ones(len(points), bool), effort=effort)
 
 
 @pytest.fixture

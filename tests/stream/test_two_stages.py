@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pipelines import PATIENCE_S, Gate, assert_balanced, counts_of
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.methods import make_method
 from mnsf_ros.stream import stream
@@ -50,7 +50,7 @@ class ScriptedEstimator:
         finally:
             self._in_prepare.release()
 
-    def estimate(self, triplet, cancelled=never, prepared=None):
+    def estimate(self, triplet, cancelled=never, prepared=None, effort=Effort.FULL):
         assert self._in_estimate.acquire(blocking=False), "estimates twice at once"
         try:
             assert prepared == (self, triplet.next.stamp_ns)
