@@ -56,7 +56,9 @@ class LidarRotation:
     def add(self, located: Located) -> None:
         """Takes the next sweep, which has no times."""
         kept = self._located
-        if located.sweep.tilt is None and not (kept and _way_m(kept[0], kept[-1]) > _MAX_WAY_M):
+        if located.source == EgoSource.CONSTANT_VELOCITY.value:
+            kept.clear()  # as where a recording begins again
+        elif located.sweep.tilt is None and not (kept and _way_m(kept[0], kept[-1]) > _MAX_WAY_M):
             kept.append(located)
             del kept[:-_NUM_SWEEPS]
 
@@ -84,6 +86,8 @@ class LidarRotation:
             times_s = None if guess is None else guess.of(own.xyz, interval_s)
             sweep = replace(own, times_s=times_s)
             pose = ego_motion.pose_of(sweep)
+            if pose.source is EgoSource.CONSTANT_VELOCITY:
+                return np.inf
             xyz = pose.in_one_moment(sweep)
             is_near = np.einsum("ij,ij->i", xyz, xyz) < _NEAR_M**2
             xyz = thinned(chosen_points(xyz, is_near & (xyz[:, 2] > floor_m)), _CELL_M)
