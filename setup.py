@@ -85,7 +85,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(map(str, Path("config").glob("*.*ml")))),
+        (f"share/{PACKAGE}/config", sorted(map(str, Path("config").iterdir()))),
         (f"share/{PACKAGE}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
         (f"share/{PACKAGE}/rviz", sorted(map(str, Path("rviz").glob("*.rviz")))),
     ],

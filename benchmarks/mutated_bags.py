@@ -36,8 +36,8 @@ from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import FinishedTask, run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording
 
 LIMIT_S = 60
 MAX_GB = 2.0

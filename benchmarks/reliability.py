@@ -30,8 +30,8 @@ from frame import Table, make_parser, show, this_machine
 from live_node import FIRST_NS, LiveNode, busy_cores, live_node, serialized, with_stamp
 
 from mnsf_ros.cli.memory import limited_memory
+from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording
 
 Random = np.random.Generator
 # Name of a figure, its text, and whether it keeps the promise.

@@ -480,6 +480,12 @@ class OutputSettings:
     rgb: bool = declared(
         True, "Add the field rgb: colour by direction and speed, for RViz and Foxglove"
     )
+    deskew_movers: bool = declared(
+        False, "In ~/flow/moving, shift each point to where it was at the stamp, by its velocity"
+    )
+    horizon_s: float = declared(
+        2.0, "~/predicted has the ground that dynamic objects will cover in this time", 0, 10
+    )
 
 
 @dataclass(frozen=True)

@@ -95,8 +95,8 @@ def make_scene():
 @pytest.fixture(scope="session")
 def make_street(tmp_path_factory):
     """Returns the recording of a simulated street, which is made once for each settings."""
+    from mnsf_ros.simulation.recording import write_recording
     from mnsf_ros.simulation.settings import SimulationSettings
-    from mnsf_ros.simulation.sweeps import write_recording
 
     made = {}
 

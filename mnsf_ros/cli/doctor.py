@@ -53,7 +53,10 @@ def run_doctor(options: argparse.Namespace) -> int:
     else:
         about = {"points": options.source}
         found = _examined_topic(options.source, options.odometry, settings, options.duration_s)
-    (_print_json if options.json else _print_text)(about, found)
+    if options.json:
+        _print_json(about, found)
+    else:
+        _print_text(found)
     return EXIT_FINDINGS if found.is_wrong else 0
 
 
@@ -82,7 +85,7 @@ def _examined_topic(
     return examiner.examination({"topic": topic, "poses": odometry or "none"}, notes)
 
 
-def _print_text(_: Mapping[str, str], found: Examination) -> None:
+def _print_text(found: Examination) -> None:
     console = Console()
     width = max(map(len, found.facts), default=0)
     for name, text in found.facts.items():

@@ -23,12 +23,14 @@ def add_estimate(arguments: Arguments) -> str:
     arguments.value("--method NAME", "see docs/evaluation.md", default="online")
     arguments.settings(default="online")
     arguments.points()
+    arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.flag("--force", FORCE)
     return """\
 OUT has the topics of the node: /scene_flow/flow (all points, with colours),
-/scene_flow/flow/moving, /scene_flow/objects and /scene_flow/ego_motion (poses
-with their covariance; no twist).
-Foxglove opens it, beside the recording where its other topics are wanted.
+/scene_flow/flow/moving, /scene_flow/objects, /scene_flow/objects/markers,
+/scene_flow/predicted and /scene_flow/ego_motion (poses with their covariance;
+no twist). Foxglove opens it with the layout config/foxglove.json, beside the
+recording where its other topics are wanted.
 
 Example:
   mnsf estimate street --out street_flow.mcap
@@ -43,13 +45,15 @@ def run_estimate(options: argparse.Namespace) -> None:
     check_target(options.out, overwrite=options.force)
     console = Console(stderr=True)
     with open_recording(options.bag, console.warn) as reader:
-        topic = used_topics(options.bag, reader.topics, options.points).points
+        topics = used_topics(options.bag, reader.topics, options.points, options.odometry)
         stream = Stream(chosen_settings(options), options.method)
         with counting_progress(console) as progress:
-            task = progress.add_task(f"estimating {topic}", total=reader.topics[topic].count)
+            task = progress.add_task(
+                f"estimating {topics.points}", total=reader.topics[topics.points].count
+            )
             number = write_estimated(
                 reader,
-                topic,
+                topics,
                 options.out,
                 stream,
                 console.warn,

@@ -15,8 +15,8 @@ from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
+from mnsf_ros.simulation.recording import write_recording as write_simulation
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording as write_simulation
 
 # Of playing, to that of the recording.
 RATE: Final = number_within(0.01, 100.0)
@@ -26,6 +26,7 @@ def add_simulate(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf simulate`."""
     arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
+    arguments.flag("--nav2", "also write /tf, /odom, and the exact tracks on /truth/objects")
     arguments.declared(SimulationSettings)
 
 
@@ -39,7 +40,9 @@ def run_simulate(options: argparse.Namespace) -> None:
         def show(num_done: int, num_sweeps: int) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
 
-        simulator = write_simulation(settings, options.out, show, overwrite=options.force)
+        simulator = write_simulation(
+            settings, options.out, show, overwrite=options.force, nav2=options.nav2
+        )
     console.say(simulator.scene.text)
     console.say(
         f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "

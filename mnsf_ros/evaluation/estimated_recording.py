@@ -2,6 +2,7 @@
 """The flow of a recording, as a recording with the topics of the node."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -9,15 +10,16 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.outcomes import pushed
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, UsedTopics
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.settings import OutputSettings
+from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
-from mnsf_ros.sweeps_io.flow_columns import object_columns
+from mnsf_ros.sweeps_io.movers_at_stamp import moving_cloud
+from mnsf_ros.sweeps_io.predicted_ground import predicted_columns
 from msg_utils.point_cloud2 import encode_columns
 
 _NODE: Final = "/scene_flow"
@@ -27,7 +29,7 @@ _MAX_TOLD: Final = 3
 
 def write_estimated(
     reader: BagReader,
-    topic: str,
+    topics: UsedTopics,
     target: Path,
     stream: Stream,
     warn: Callable[[str], None],
@@ -41,7 +43,7 @@ def write_estimated(
 
     Args:
         reader: The recording.
-        topic: Of its clouds.
+        topics: Of its clouds, and of the odometry, if any.
         target: The recording to write.
         stream: Estimates them.
         warn: Gets a line.
@@ -58,14 +60,18 @@ def write_estimated(
         if len(failures) <= _MAX_TOLD:
             warn(text)
 
-    clouds = recorded_clouds(reader, topic, stream.settings, findings)
+    settings, topic = stream.settings, topics.points
+    clouds = recorded_clouds(reader, topic, settings, findings)
+    poses = recorded_track(reader, topics.odometry, settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
             done(number)
             if sweep is None or len(sweep) == 0:
                 continue
-            if (found := pushed(stream, sweep, fail)) is not None:
-                _write(writer, *found, stream.settings.node.odom_frame)
+            pose = poses.pose_at(sweep.stamp_ns)
+            located = replace(sweep, odometry=None if pose is None else pose.world_from_frame)
+            if (found := pushed(stream, located, fail)) is not None:
+                _write(writer, *found, settings)
                 num_estimated += 1
         if num_estimated == 0:
             reason = failures[-1] if failures else "three sweeps in a row are needed"
@@ -78,21 +84,25 @@ def write_estimated(
 
 
 def _write(
-    writer: BagWriter, triplet: SweepTriplet, estimate: FlowEstimate, odom_frame: str
+    writer: BagWriter, triplet: SweepTriplet, estimate: FlowEstimate, settings: Settings
 ) -> None:
     sweep, known = triplet.current, estimate.over_ground
     stamp_ns, frame_id = sweep.stamp_ns, sweep.frame_id
-    parts = {"flow": None} if known is None else {"flow": None, "flow/moving": known.dynamic}
-    for name, part in parts.items():
-        cloud = flow_cloud(sweep, estimate, triplet.interval_s, OutputSettings(), part)
-        writer.write_raw(f"{_NODE}/{name}", CLOUD_TYPE, stamp_ns, cloud)
+    cloud = flow_cloud(sweep, estimate, triplet.interval_s, settings.output)
+    writer.write_raw(f"{_NODE}/flow", CLOUD_TYPE, stamp_ns, cloud)
     if known is None:
         return
-    pose = known.world_from_sensor
+    moving = moving_cloud(triplet, estimate, known, settings)
+    writer.write_raw(f"{_NODE}/flow/moving", CLOUD_TYPE, stamp_ns, moving)
+    frames = settings.node.odom_frame, frame_id
     covariance = UNKNOWN_COVARIANCE if known.pose_covariance is None else known.pose_covariance
     writer.write_odometry(
-        f"{_NODE}/ego_motion", pose, stamp_ns, odom_frame, frame_id, covariance=covariance
+        f"{_NODE}/ego_motion", known.world_from_sensor, stamp_ns, *frames, covariance=covariance
     )
+    if settings.tf.broadcast:
+        writer.write_transforms(stamp_ns, {frames: known.world_from_sensor})
     if known.track_ids is not None:
-        objects = encode_columns(object_columns(known.objects), 1, len(known.objects))
-        writer.write_cloud(f"{_NODE}/objects", objects, stamp_ns, frame_id)
+        writer.write_objects(f"{_NODE}/objects", known.objects, stamp_ns, frame_id)
+        predicted = predicted_columns(known.objects, settings.output.horizon_s)
+        encoded = encode_columns(predicted, 1, len(predicted["x"]))
+        writer.write_cloud(f"{_NODE}/predicted", encoded, stamp_ns, frame_id)

@@ -10,19 +10,17 @@ import numpy as np
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_poses
-from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import TF_TOPIC
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-TF_TOPIC: Final = "/tf"
 _LEAST_CLOUDS: Final = 2
 
 
@@ -93,7 +91,8 @@ def examined(
     examiner = Examiner(settings)
     findings = examiner.findings
     with BagReader(recording.path) as reader:
-        poses, about = _poses(reader, recording, settings, findings), _about(reader, recording)
+        poses = recorded_track(reader, recording.odometry, settings, findings)
+        about = _about(reader, recording)
         end_ns = np.inf
         for sweep in filter(None, recorded_clouds(reader, recording.points, settings, findings)):
             end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
@@ -120,12 +119,3 @@ def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
         "topic": f"{recording.points}, {recording.num_sweeps:,} clouds",
         "poses": poses,
     }
-
-
-def _poses(
-    reader: BagReader, recording: EvaluatedRecording, settings: Settings, findings: Findings
-) -> PoseTrack:
-    if recording.odometry is None:
-        return PoseTrack()
-    recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
-    return PoseTrack(recorded, sensor_mount(settings.ego_motion))

@@ -13,12 +13,11 @@ from mnsf_ros.evaluation.tracks import (
     Event,
     Findings,
     TruthTrack,
-    recorded_poses,
     recorded_sweeps,
+    recorded_track,
     truth_clouds,
 )
 from mnsf_ros.geometry.pose_track import PoseTrack
-from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
@@ -65,8 +64,7 @@ def read_examples(
             clouds = truth_clouds(reader, recording.truth, findings)
             truth = TruthTrack(clouds, findings, str(reader.path))
         if recording.odometry is not None:
-            recorded = recorded_poses(reader, recording.odometry, settings.tf.fixed_frame, findings)
-            poses = PoseTrack(recorded, sensor_mount(settings.ego_motion))
+            poses = recorded_track(reader, recording.odometry, settings, findings)
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
         yield from builder.examples(sweeps)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.geometry.pose_track import StampedPose
-from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
+from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
+from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount, transform_matrix
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TYPE
@@ -229,6 +229,15 @@ def recorded_poses(
     if reader.topics[topic].msgtype == TF_TYPE:
         return _decoded(reader, topic, findings, transform_of)
     return _decoded(reader, topic, findings, pose_of)
+
+
+def recorded_track(
+    reader: BagReader, topic: str | None, settings: Settings, findings: Findings
+) -> PoseTrack:
+    """Returns the poses of the sensor, by those of a topic; without one there are none."""
+    fixed_frame = settings.tf.fixed_frame
+    recorded = () if topic is None else recorded_poses(reader, topic, fixed_frame, findings)
+    return PoseTrack(recorded, sensor_mount(settings.ego_motion))
 
 
 def _decoded(

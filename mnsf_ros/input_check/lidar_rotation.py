@@ -58,9 +58,15 @@ class LidarRotation:
         kept = self._located
         if located.source == EgoSource.CONSTANT_VELOCITY.value:
             kept.clear()  # as where a recording begins again
-        elif located.sweep.tilt is None and not (kept and _way_m(kept[0], kept[-1]) > _MAX_WAY_M):
+        elif self._is_level and not (kept and _way_m(kept[0], kept[-1]) > _MAX_WAY_M):
             kept.append(located)
             del kept[:-_NUM_SWEEPS]
+
+    @property
+    def _is_level(self) -> bool:
+        """Whether azimuths of sweeps are those of the clouds."""
+        mounting = self._mounting.found
+        return mounting is None or mounting.is_level
 
     @property
     def found(self) -> Rotation | None:
@@ -91,7 +97,8 @@ class LidarRotation:
             xyz = pose.in_one_moment(sweep)
             is_near = np.einsum("ij,ij->i", xyz, xyz) < _NEAR_M**2
             xyz = thinned(chosen_points(xyz, is_near & (xyz[:, 2] > floor_m)), _CELL_M)
-            clouds.append(apply(pose.world_from_sensor, xyz.astype(np.float64)))
+            placed = apply(pose.world_from_sensor, xyz.astype(np.float64))
+            clouds.append(np.asarray(placed, np.float64))
             places.append(pose.world_from_sensor[:3, 3])
         off_m, last = [], 0
         for place, cloud in zip(places, clouds, strict=True):

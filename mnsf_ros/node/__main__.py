@@ -37,7 +37,8 @@ _DESCRIPTION = """\
 Estimates the scene flow of a lidar: how every point of each sweep moves.
 
   in   ~/points (sensor_msgs/PointCloud2), ~/odometry (nav_msgs/Odometry, if asked for)
-  out  ~/flow, ~/flow/moving, ~/flow/standing, ~/objects, ~/ego_motion, /diagnostics"""
+  out  ~/flow, ~/flow/moving, ~/flow/standing, ~/objects, ~/predicted, ~/ego_motion,
+       /diagnostics"""
 _LIFE_CYCLE = """
 
 It starts unconfigured: ros2 lifecycle set /scene_flow configure, then activate."""

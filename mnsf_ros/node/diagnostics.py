@@ -288,7 +288,8 @@ class Diagnostics:
             level=level,
             name=f"{self._node_name}: {part}",
             message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            # What a method does not have is left out.
+            values=[KeyValue(key=k, value=text) for k, v in values.items() if (text := str(v))],
         )
 
 

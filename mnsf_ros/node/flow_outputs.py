@@ -2,9 +2,12 @@
 """The output topics of an estimate, and its times."""
 
 import time
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
+import visualization_msgs.msg
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -18,16 +21,24 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import pose_quaternion
-from mnsf_ros.node.object_messages import installed_messages, objects_cloud, objects_markers
-from mnsf_ros.settings import OutputSettings
+from mnsf_ros.node.object_messages import (
+    MessageMaker,
+    cloud_of,
+    installed_messages,
+    objects_cloud,
+)
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
+from mnsf_ros.sweeps_io.movers_at_stamp import moving_cloud
+from mnsf_ros.sweeps_io.object_markers import objects_markers
+from mnsf_ros.sweeps_io.predicted_ground import clearing_columns, predicted_columns
 
-_FULL = OutputSettings()
+_DEFAULT = Settings()
 
 
 class FlowOutputs:
-    """`~/flow` with all points, parts of it, `~/ego_motion`, and `~/objects` as several messages.
+    """`~/flow` with all points, parts of it, `~/ego_motion`, `~/predicted`, and `~/objects`.
 
     rcl allows publishing from any thread; a thread of the pipeline does it.
     """
@@ -39,13 +50,16 @@ class FlowOutputs:
         self._flow = output(PointCloud2, "~/flow")
         self._moving = output(PointCloud2, "~/flow/moving")
         self._standing = output(PointCloud2, "~/flow/standing")
+        self._predicted = output(PointCloud2, "~/predicted")
+        self._clearing = output(PointCloud2, "~/predicted/clearing")
         self._ego_motion = output(Odometry, "~/ego_motion", depth=10)
         self._source = output(String, "~/ego_motion/source", is_latched=True)
+        markers: MessageMaker = partial(objects_markers, visualization_msgs.msg)
         self._objects = [
             (output(message_type, topic), make)
             for topic, message_type, make in (
                 ("~/objects", PointCloud2, objects_cloud),
-                ("~/objects/markers", MarkerArray, objects_markers),
+                ("~/objects/markers", MarkerArray, markers),
                 *installed_messages(),
             )
         ]
@@ -59,32 +73,34 @@ class FlowOutputs:
     @property
     def are_watched(self) -> bool:
         """Whether any output has a subscriber."""
-        outputs = (self._flow, self._moving, self._standing, self._ego_motion, self._source)
-        objects = (output for output, _ in self._objects)
-        return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
+        outputs = [self._flow, self._moving, self._standing, self._predicted, self._clearing]
+        outputs += [self._ego_motion, self._source, *(output for output, _ in self._objects)]
+        return any(output.get_subscription_count() > 0 for output in outputs)
 
     def publish(
-        self, triplet: SweepTriplet, estimate: FlowEstimate, layout: OutputSettings = _FULL
+        self, triplet: SweepTriplet, estimate: FlowEstimate, settings: Settings = _DEFAULT
     ) -> None:
         """Publishes the flow of the triplet's current sweep on all topics with subscribers."""
         sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
-        if self._flow.get_subscription_count() > 0:
-            self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
+        header, output = sweep.source.message.header, settings.output
+        cloud = partial(flow_cloud, sweep, estimate, interval_s, output)
+        _send(self._flow, cloud)
         if known is None:
             return
-        for output, part in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
-            if output.get_subscription_count() > 0:
-                output.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
-        header = sweep.source.message.header
-        if self._ego_motion.get_subscription_count() > 0:
-            message = ego_motion_message(header, self._odom_frame, known, interval_s)
-            self._ego_motion.publish(message)
+        _send(self._standing, lambda: cloud(~known.dynamic))
+        _send(self._moving, partial(moving_cloud, triplet, estimate, known, settings))
+        motion = partial(ego_motion_message, header, self._odom_frame, known, interval_s)
+        _send(self._ego_motion, motion)
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
-        for output, make in self._objects:
-            if known.track_ids is not None and output.get_subscription_count() > 0:
-                output.publish(make(header, known.objects))
+        if known.track_ids is None:
+            return
+        for publisher, make in self._objects:
+            _send(publisher, partial(make, header, known.objects))
+        predicted = partial(predicted_columns, known.objects, output.horizon_s)
+        _send(self._predicted, lambda: cloud_of(header, predicted()))
+        _send(self._clearing, lambda: cloud_of(header, clearing_columns(sweep.mounting)))
 
 
 class DebugTimes:
@@ -120,6 +136,12 @@ def _output(
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
     overriding = QoSOverridingOptions.with_default_policies()
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overriding)
+
+
+def _send(publisher: Publisher, make: Callable[[], Any]) -> None:
+    """Publishes what `make` returns, if anybody listens; else it is not made."""
+    if publisher.get_subscription_count() > 0:
+        publisher.publish(make())
 
 
 def ego_motion_message(

@@ -1,9 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tracked objects as messages: cloud, markers, and those of other packages if installed."""
+"""Tracked objects as messages: clouds, and those of other packages if installed."""
 
 import importlib
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, TypeAlias
 from uuid import UUID, uuid4, uuid5
@@ -11,87 +10,29 @@ from uuid import UUID, uuid4, uuid5
 import numpy as np
 from geometry_msgs.msg import Point32
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header
-from visualization_msgs.msg import Marker, MarkerArray
 
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.sweeps_io.flow_columns import object_columns
+from mnsf_ros.sweeps_io.object_markers import Message, Messages, set_yaw
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
 
 Objects: TypeAlias = Sequence[TrackedObject]
-# Of packages unknown to a type checker: a module of messages, and a message.
-Messages: TypeAlias = Any
-Message: TypeAlias = Any
 MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
-
-# A node that ends must not leave objects behind.
-_LIFETIME_S: Final = 2
-_SMALLEST_M: Final = 0.01  # viewers refuse markers without an extent
-_TEXT_HEIGHT_M: Final = 0.7
 
 
 def objects_cloud(header: Header, objects: Objects) -> bytes:
     """Returns the serialized cloud of objects: one row, a point each, fields OBJECT_ROW."""
-    encoding = encode_columns(object_columns(objects), 1, len(objects))
+    return cloud_of(header, object_columns(objects))
+
+
+def cloud_of(header: Header, columns: Mapping[str, NDArray[Any]]) -> bytes:
+    """Returns the serialized cloud of columns (N,), x among them, in one row."""
+    encoding = encode_columns(columns, 1, len(columns["x"]))
     return serialized_cloud(header, encoding, is_dense=True)
-
-
-def set_yaw(orientation: Any, yaw: float) -> None:  # noqa: ANN401 - of any package of messages
-    """Sets a geometry_msgs/Quaternion to a turn about z, radians."""
-    orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
-
-
-def objects_markers(header: Header, objects: Objects) -> MarkerArray:
-    """Returns boxes, arrows of one second of motion, and labels, in place of all earlier ones."""
-    markers = [Marker(header=header, action=Marker.DELETEALL)]
-    for item in objects:
-        markers += [_box(header, item), _arrow(header, item), _label(header, item)]
-    return MarkerArray(markers=markers)
-
-
-def _box(header: Header, item: TrackedObject) -> Marker:
-    marker = _marker(header, item, "box", Marker.CUBE)
-    marker.color.a = 0.4
-    set_yaw(marker.pose.orientation, item.yaw)
-    marker.scale.x, marker.scale.y, marker.scale.z = (
-        max(float(extent), _SMALLEST_M) for extent in item.size
-    )
-    return marker
-
-
-def _arrow(header: Header, item: TrackedObject) -> Marker:
-    marker = _marker(header, item, "velocity", Marker.ARROW)
-    x, y, z = item.velocity.tolist()
-    pitch, yaw = -math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
-    turn = marker.pose.orientation
-    turn.x, turn.y, turn.z, turn.w = Rotation.from_euler("ZY", (yaw, pitch)).as_quat().tolist()
-    marker.scale.x = max(math.hypot(x, y, z), _SMALLEST_M)
-    marker.scale.y = marker.scale.z = 0.2
-    return marker
-
-
-def _label(header: Header, item: TrackedObject) -> Marker:
-    marker = _marker(header, item, "label", Marker.TEXT_VIEW_FACING)
-    marker.text = f"{item.track_id}: {math.hypot(*item.velocity.tolist()):.1f} m/s"
-    marker.pose.position.z += float(item.size[2]) / 2 + _TEXT_HEIGHT_M
-    marker.scale.z = _TEXT_HEIGHT_M
-    return marker
-
-
-def _marker(header: Header, item: TrackedObject, name: str, shape: int) -> Marker:
-    """A marker in the middle of the object, in its colour, without an extent."""
-    marker = Marker(header=header, ns=name, id=item.track_id, type=shape, action=Marker.ADD)
-    marker.lifetime.sec = _LIFETIME_S
-    place, color = marker.pose.position, marker.color
-    place.x, place.y, place.z = item.center.tolist()
-    color.r, color.g, color.b = object_color(item.track_id)
-    color.a = 1.0
-    return marker
 
 
 def installed_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:

@@ -25,7 +25,10 @@ _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
 _CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 # Clouds that a scene flow node publishes.
-_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
+_OWN_ENDS: Final = (
+    *("/flow", "/flow/moving", "/flow/standing"),
+    *("/objects", "/predicted", "/predicted/clearing"),
+)
 # Nodes need a while to find each other; one more cloud may turn up until then.
 _SEARCH_S: Final = 3.0
 _MAX_SPIN_S: Final = 0.1  # until a Ctrl-C is answered

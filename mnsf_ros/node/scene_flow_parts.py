@@ -163,7 +163,7 @@ class SceneFlowParts:
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the thread of the output."""
-        self._outputs.publish(job.triplet, estimate, self._settings.output)
+        self._outputs.publish(job.triplet, estimate, self._settings)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._explanations.keep(job.triplet, estimate)
         self._input_check.locate(Located.by(estimate, job.triplet.current))

@@ -16,6 +16,8 @@ from mnsf_ros.errors import RecordingError
 POINTS_TOPIC: Final = "/points"
 TRUTH_FLOW_TOPIC: Final = "/truth/flow"
 TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
+TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
+TF_TOPIC: Final = "/tf"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"

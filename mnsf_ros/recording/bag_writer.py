@@ -2,7 +2,7 @@
 """Writing recordings as rosbag2 folders in mcap format, all or nothing."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
-from rosbags.typesys.stores import ros2_jazzy as ros
 
+from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import UNREADABLE, RecordingError, reason
 from mnsf_ros.geometry.transforms import pose_quaternion
@@ -23,13 +23,16 @@ from mnsf_ros.recording.bag_files import new_folder
 from mnsf_ros.recording.bag_topics import (
     CLOUD_TYPE,
     ODOMETRY_FRAME,
-    ODOMETRY_TYPE,
     POINTS_TOPIC,
+    TF_TOPIC,
     TRUTH_FLOW_TOPIC,
     TRUTH_ODOMETRY_TOPIC,
     jazzy,
 )
 from mnsf_ros.recording.flow_truth import TrueSweep
+from mnsf_ros.recording.messages import Messages
+from mnsf_ros.sweeps_io.flow_columns import object_columns
+from mnsf_ros.sweeps_io.object_markers import objects_markers
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.errors import checked_integer
@@ -144,6 +147,17 @@ class BagWriter:
             checked_integer(stamp_ns, "stamp", _LATEST_NS)
             self._writer.write(connection, stamp_ns, bytes(raw))
 
+    def write_message(self, topic: str, message: Any, stamp_ns: int) -> None:  # noqa: ANN401
+        """Adds one of the `Messages` of ROS 2 Jazzy.
+
+        Raises:
+            RecordingError: A field cannot be serialized, or as `write_raw`.
+        """
+        msgtype = message.__msgtype__
+        with self._guarded():
+            raw = jazzy().serialize_cdr(message, msgtype)
+        self.write_raw(topic, msgtype, stamp_ns, raw)
+
     def write_cloud(
         self,
         topic: str,
@@ -189,36 +203,64 @@ class BagWriter:
         frame_id: str,
         child_frame_id: str,
         *,
+        velocity: NDArray[np.float64] | None = None,
         covariance: NDArray[np.float64] | None = None,
     ) -> None:
-        """Adds the (4, 4) pose, metres, of the child frame in `frame_id`; the velocity is zero.
+        """Adds the (4, 4) pose, metres, of the child frame in `frame_id`.
 
-        With the covariance (6, 6) of a pose that is estimated, the velocity is unknown.
+        The velocity is (6,) along the axes of the child frame in m/s, then about them in rad/s;
+        zero by default. With the covariance (6, 6) of a pose that is estimated, it is unknown.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, the pose is no rigid motion, or
                 writing fails.
         """
         with self._guarded():
-            qx, qy, qz, qw = pose_quaternion(pose)
-            still = ros.geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0)
-            twist = ros.geometry_msgs__msg__Twist(linear=still, angular=still)
-            matrix = ros.geometry_msgs__msg__Pose(
-                position=ros.geometry_msgs__msg__Point(*map(float, pose[:3, 3])),
-                orientation=ros.geometry_msgs__msg__Quaternion(x=qx, y=qy, z=qz, w=qw),
+            message = Messages("nav_msgs").Odometry(
+                header=_header(stamp_ns, frame_id), child_frame_id=child_frame_id
             )
-            message = ros.nav_msgs__msg__Odometry(
-                header=_header(stamp_ns, frame_id),
-                child_frame_id=child_frame_id,
-                pose=ros.geometry_msgs__msg__PoseWithCovariance(
-                    matrix, np.zeros(36) if covariance is None else covariance.ravel()
-                ),
-                twist=ros.geometry_msgs__msg__TwistWithCovariance(
-                    twist, (0.0 if covariance is None else 1.0) * UNKNOWN_COVARIANCE.ravel()
-                ),
-            )
-            raw = jazzy().serialize_cdr(message, ODOMETRY_TYPE)
-        self.write_raw(topic, ODOMETRY_TYPE, stamp_ns, raw)
+            _set_pose(message.pose.pose.position, message.pose.pose.orientation, pose)
+            if velocity is not None:
+                twist = message.twist.twist
+                for vector, values in ((twist.linear, velocity[:3]), (twist.angular, velocity[3:])):
+                    vector.x, vector.y, vector.z = values.tolist()
+            if covariance is not None:
+                message.pose.covariance = covariance.ravel()
+                message.twist.covariance = UNKNOWN_COVARIANCE.ravel()
+        self.write_message(topic, message, stamp_ns)
+
+    def write_transforms(
+        self, stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.floating[Any]]]
+    ) -> None:
+        """Adds transforms to `/tf`: frame and child frame to the (4, 4) pose of the child.
+
+        Raises:
+            RecordingError: As `write_odometry`.
+        """
+        with self._guarded():
+            message = Messages("tf2_msgs").TFMessage()
+            for (frame_id, child_frame_id), pose in poses.items():
+                one = Messages("geometry_msgs").TransformStamped(
+                    header=_header(stamp_ns, frame_id), child_frame_id=child_frame_id
+                )
+                _set_pose(one.transform.translation, one.transform.rotation, pose)
+                message.transforms.append(one)
+        self.write_message(TF_TOPIC, message, stamp_ns)
+
+    def write_objects(
+        self, topic: str, objects: Sequence[TrackedObject], stamp_ns: int, frame_id: str
+    ) -> None:
+        """Adds objects as a cloud of `OBJECT_ROW`, and as markers for viewers on `TOPIC/markers`.
+
+        Raises:
+            RecordingError: As `write_cloud`.
+        """
+        cloud = encode_columns(object_columns(objects), 1, len(objects))
+        self.write_cloud(topic, cloud, stamp_ns, frame_id)
+        with self._guarded():
+            header = _header(stamp_ns, frame_id)
+            markers = objects_markers(Messages("visualization_msgs"), header, objects)
+        self.write_message(f"{topic}/markers", markers, stamp_ns)
 
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         self._writer = None
@@ -235,6 +277,13 @@ class BagWriter:
             raise RecordingError(f"{self.path}: cannot be written: {reason(error)}") from error
 
 
-def _header(stamp_ns: int, frame_id: str) -> ros.std_msgs__msg__Header:
-    stamp = ros.builtin_interfaces__msg__Time(*encode_stamp(stamp_ns))
-    return ros.std_msgs__msg__Header(stamp=stamp, frame_id=frame_id)
+def _header(stamp_ns: int, frame_id: str) -> Any:  # noqa: ANN401 - a std_msgs/Header
+    header = Messages("std_msgs").Header(frame_id=frame_id)
+    header.stamp.sec, header.stamp.nanosec = encode_stamp(stamp_ns)
+    return header
+
+
+def _set_pose(place: Any, turn: Any, pose: NDArray[np.floating[Any]]) -> None:  # noqa: ANN401
+    """Sets a place and a quaternion of ROS to those of a (4, 4) pose."""
+    place.x, place.y, place.z = pose[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = pose_quaternion(pose)

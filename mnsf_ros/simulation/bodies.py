@@ -141,6 +141,15 @@ class Model:
     reflectivity: float  # mean intensity of its points, 0 to 255; white is 100, mirrors shine more
     smoothness: float = 0.0  # share of the light that it reflects as a mirror does, 0 to 1
 
+    @property
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Middle and size, (3,) metres each, of the box around its shapes."""
+        poses = np.array([shape.body_from_shape for shape in self.shapes])
+        half = np.array([shape.half_extents for shape in self.shapes])
+        reach = np.einsum("sij,sj->si", np.abs(poses[:, :3, :3]), half)
+        low, high = (poses[:, :3, 3] - reach).min(axis=0), (poses[:, :3, 3] + reach).max(axis=0)
+        return (low + high) / 2, high - low
+
 
 # Draws a specimen.
 Maker = Callable[[np.random.Generator], Model]

@@ -1,18 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Simulated sweeps with their exact flow, and recordings of them."""
+"""Simulated sweeps with their exact flow."""
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.bag_topics import LIDAR_FRAME
-from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
@@ -194,29 +190,3 @@ class SweepSimulator:
         flow = apply(invert(ego.world_from_sensor(then)), moved) - points
         speed = np.linalg.norm(moved - world, axis=1) / (then - now)
         return flow.astype(np.float32), speed > DYNAMIC_SPEED_M_S
-
-
-def write_recording(
-    settings: SimulationSettings,
-    path: Path | str,
-    progress: Callable[[int, int], None] | None = None,
-    *,
-    overwrite: bool = False,
-) -> SweepSimulator:
-    """Simulates a recording, writes it with a BagWriter and returns its simulator.
-
-    After every sweep `progress` is called with the number of sweeps done and to do.
-
-    Raises:
-        RecordingError: The recording cannot be written.
-    """
-    simulator = SweepSimulator(settings)
-    with BagWriter(path, overwrite=overwrite) as writer:
-        for number, sweep in enumerate(simulator, start=1):
-            # The last sweep has no next sweep in which its points could be found.
-            valid = sweep.truth.valid & (number < simulator.num_sweeps)
-            true = replace(sweep, truth=replace(sweep.truth, valid=valid))
-            writer.write_sweep(true, LIDAR_FRAME)
-            if progress is not None:
-                progress(number, simulator.num_sweeps)
-    return simulator

@@ -64,8 +64,10 @@ class MountingEstimate:
     @property
     def text(self) -> str:
         """Tilt, lens, source and height, in words."""
+        if self.ground is None and self.found is None:
+            return f"unknown: no {'ground is seen' if self._num_sweeps else 'cloud yet'}"
         if self.ground is None:
-            return "unknown: no ground is seen" if self.found is None else str(self.found)
+            return str(self.found)
         if self.found is None:
             return "unknown: what may be ground may be a wall"
         height = f"{abs(self.ground[3]):.2f} m {'above' if self.ground[3] > 0 else 'below'}"

@@ -98,24 +98,28 @@ def flow_cloud(
     interval_s: float,
     output: OutputSettings,
     part: NDArray[np.bool_] | None = None,
+    moved: NDArray[np.float32] | None = None,
 ) -> bytes:
     """Returns the cloud of a sweep with the columns of its flow, serialized.
 
     Header, height, width and order of the points stay. The fields of the cloud come first, then
     those of FLOW_COLUMNS; a field of the cloud with the same name is renamed to `sensor_...`.
     The compact layout keeps only x, y and z of the cloud. With a mask `part` (N,) of the points of
-    the sweep, the cloud has these only, in one row.
+    the sweep, the cloud has these only, in one row. With places `moved` (N, 3) of these points,
+    metres, x, y and z are those, and the cloud's own are renamed.
     """
     source: CloudSource = sweep.source
-    cloud, measured, xyz, rows = source.message, source.measured, sweep.xyz, None
-    shape = cloud.height, cloud.width
+    cloud, measured, rows = source.message, source.measured, None
+    xyz, shape = sweep.xyz if moved is None else moved, (cloud.height, cloud.width)
     if part is not None:
         chosen = np.flatnonzero(part)
         rows, shape = np.flatnonzero(measured)[chosen], (1, len(chosen))
         xyz, estimate, measured = xyz[chosen], estimate.part(chosen), np.ones(len(chosen), np.bool_)
     columns = flow_columns(estimate, interval_s, measured, chosen_columns(output))
+    if moved is not None or output.layout == "compact":
+        columns = position_columns(xyz, measured) | columns
     if output.layout == "compact":
-        encoded = encode_columns(position_columns(xyz, measured) | columns, *shape)
+        encoded = encode_columns(columns, *shape)
     else:
         encoded = encode_with_columns(cloud, columns, clash_prefix=_CLASH_PREFIX, rows=rows)
     return serialized_cloud(cloud.header, encoded, is_dense=bool(measured.all()))

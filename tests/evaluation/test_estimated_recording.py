@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.cli.main import run
+from mnsf_ros.geometry.transforms import invert, pose_matrix, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
@@ -13,6 +14,7 @@ from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.point_cloud2 import decode_points, encode_columns
 
 NODE = "/scene_flow"
+TOPICS = ("flow", "flow/moving", "objects", "objects/markers", "predicted", "ego_motion")
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +37,7 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
             wanted[stream.triplet.current.stamp_ns] = estimate
     with BagReader(out) as reader:
         assert {name: topic.count for name, topic in reader.topics.items()} == {
-            f"{NODE}/{name}": len(sweeps) - 2
-            for name in ("flow", "flow/moving", "objects", "ego_motion")
+            f"{NODE}/{name}": len(sweeps) - 2 for name in TOPICS
         }
         for (stamp_ns, _), cloud in zip(
             reader.raw_messages(f"{NODE}/flow"), reader.messages(f"{NODE}/flow"), strict=True
@@ -56,6 +57,23 @@ def test_holds_what_the_node_would_publish(street, tmp_path):
             np.testing.assert_array_equal(one.pose.covariance, known.pose_covariance.ravel())
             # Not known to stand still.
             assert one.twist.covariance[0] > 1e3
+
+
+def test_ego_motion_is_that_of_the_odometry_and_on_tf_if_asked_for(street, tmp_path):
+    out, by_odometry = tmp_path / "flow.mcap", ["--set", "ego_motion.source=odometry"]
+    odometry = ["--odometry", "/truth/odometry", *by_odometry, "--set", "tf.broadcast=true"]
+    assert run(["estimate", str(street), "--out", str(out), *odometry]) == 0
+    with BagReader(street) as reader:
+        true = [pose_matrix(one.pose.pose) for one in reader.messages("/truth/odometry")]
+    with BagReader(out) as reader:
+        found = [pose_matrix(one.pose.pose) for one in reader.messages(f"{NODE}/ego_motion")]
+        links = [one.transforms[0] for one in reader.messages("/tf")]
+    assert {one.child_frame_id for one in links} == {"lidar"}
+    for one, pose in zip(links, found, strict=True):
+        np.testing.assert_allclose(transform_matrix(one.transform), pose, atol=1e-9)
+    # From the first sweep, which has no flow.
+    for before, after, now, then in zip(true[1:], true[2:], found, found[1:], strict=False):
+        np.testing.assert_allclose(invert(now) @ then, invert(before) @ after, atol=1e-6)
 
 
 @pytest.mark.parametrize("inside", ["", "street.mcap", "flow.mcap"])

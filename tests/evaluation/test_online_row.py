@@ -14,8 +14,8 @@ from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings
+from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording
 from mnsf_ros.stream.pipeline import StreamPipeline
 
 

@@ -367,6 +367,8 @@ class TestValues:
 class TestOnTheTopic:
     def test_of_a_node_without_input(self, peer, drive):
         peer.flow_amid(drive.sweeps(0, 1, 2))
+        values = peer.values("input") | peer.values("flow") | peer.values("ego motion")
+        assert [name for name, value in values.items() if not value] == []
         assert peer.set({"node.stale_after_s": 0.2})[0].successful
         peer.spin_until(lambda: peer.status("input").level == STALE, "silence to be noticed")
         assert peer.status("input").message == f"no sweep on {peer.points_topic}"

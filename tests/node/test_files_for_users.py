@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The files for RViz and SROS 2 name the topics and services of the node."""
+"""The files for RViz, Foxglove and SROS 2 name the topics and services of the node."""
 
+import json
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,6 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from mnsf_ros.settings import declared_setting
+from mnsf_ros.sweeps_io.predicted_ground import predicted_columns
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,10 +59,35 @@ def test_displays_of_rviz(types_of):
     displays = YAML(typ="safe").load(content)["Visualization Manager"]["Displays"]
     shown = {display["Topic"]["Value"]: display for display in displays if "Topic" in display}
     assert shown.keys() == {
-        f"/scene_flow/{name}" for name in ("flow", "flow/moving", "objects/markers", "ego_motion")
+        f"/scene_flow/{name}"
+        for name in ("flow", "flow/moving", "predicted", "objects/markers", "ego_motion")
     }
     for topic, display in shown.items():
         assert types_of[topic] == [RVIZ_DISPLAYS[display["Class"]]]
+
+
+def test_layout_of_foxglove(types_of):
+    layout = json.loads((ROOT / "config" / "foxglove.json").read_text())
+    panels, places = layout["configById"], [layout["layout"]]
+    while any(isinstance(place, dict) for place in places):
+        places = [
+            part
+            for place in places
+            for part in ([place] if isinstance(place, str) else [place["first"], place["second"]])
+        ]
+    assert sorted(places) == sorted(panels)
+    assert {types_of[topic][0] for topic in panels["3D!flow"]["topics"]} == {
+        "sensor_msgs/msg/PointCloud2",
+        "visualization_msgs/msg/MarkerArray",
+    }
+    colored = panels["3D!flow"]["topics"]["/scene_flow/predicted"]["colorField"]
+    assert colored in predicted_columns([], 1.0)
+    for name in ("Plot!objects", "Plot!latency"):
+        for path in panels[name]["paths"]:
+            topic, field = path["value"].split(".")
+            assert field in ("width", "data")
+            assert topic in types_of
+    assert panels["DiagnosticSummary!state"]["topicToRender"] in types_of
 
 
 def allowed(rule):

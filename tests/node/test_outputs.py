@@ -13,15 +13,15 @@ from synthetic_clouds import (
     column,
     over_ground,
     tracked,
-    xyz_message,
 )
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
-from mnsf_ros.settings import OutputSettings, Settings
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io import movers_at_stamp
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, flow_cloud
 from msg_utils.point_cloud2 import decode_points
 
@@ -29,11 +29,12 @@ NUM_POINTS = 600
 NUM_DYNAMIC = 60
 FULL, MOVING, STANDING = "/clouds/flow", "/clouds/flow/moving", "/clouds/flow/standing"
 OBJECTS, MARKERS = "/clouds/objects", "/clouds/objects/markers"
+PREDICTED = "/clouds/predicted"
 FULL_LAYOUT, COMPACT, COLORLESS = (
-    OutputSettings(),
-    OutputSettings("compact"),
-    OutputSettings(rgb=False),
+    Settings().changed(changes)
+    for changes in ({}, {"output.layout": "compact"}, {"output.rgb": False})
 )
+TIMES_NS = np.linspace(0, 10**8 - 1, NUM_POINTS).astype(np.uint32)
 COMPACT_NAMES = ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
 
 
@@ -86,11 +87,12 @@ def built(monkeypatch):
     """Number of points of each cloud that was built."""
     numbers, build = [], flow_outputs.flow_cloud
 
-    def counting(sweep, estimate, interval_s, layout, part=None):
+    def counting(sweep, estimate, interval_s, layout, part=None, moved=None):
         numbers.append(len(sweep) if part is None else part.sum())
-        return build(sweep, estimate, interval_s, layout, part)
+        return build(sweep, estimate, interval_s, layout, part, moved)
 
-    monkeypatch.setattr(flow_outputs, "flow_cloud", counting)
+    for module in (flow_outputs, movers_at_stamp):
+        monkeypatch.setattr(module, "flow_cloud", counting)
     return numbers
 
 
@@ -100,7 +102,8 @@ def triplet():
     for index in range(3):
         xyz = surfaces(index, NUM_POINTS)
         xyz[4] = np.nan
-        messages.append(xyz_message(xyz, stamp_ns=10**9 + index * 10**8))
+        columns = dict(zip("xyz", xyz.T, strict=True), t=TIMES_NS)
+        messages.append(cloud_message(columns, stamp_ns=10**9 + index * 10**8))
     return SweepTriplet(*(CloudReader().sweep(message, Settings().time, 0) for message in messages))
 
 
@@ -127,10 +130,10 @@ def assert_is_part(part, whole, is_dynamic):
         np.testing.assert_array_equal(decode_points(part).ravel()[name], wanted[name])
 
 
-@pytest.mark.parametrize("layout", [FULL_LAYOUT, COMPACT, COLORLESS], ids=str)
-def test_parts_have_the_points_of_the_whole_cloud(clouds, layout):
+@pytest.mark.parametrize("settings", [FULL_LAYOUT, COMPACT, COLORLESS], ids=lambda s: str(s.output))
+def test_parts_have_the_points_of_the_whole_cloud(clouds, settings):
     clouds.hear(FULL, MOVING, STANDING)
-    full, moving, standing = clouds.publish(FULL, MOVING, STANDING, layout=layout)
+    full, moving, standing = clouds.publish(FULL, MOVING, STANDING, settings=settings)
     assert not full.is_dense
     assert_is_part(moving, full, 1)
     assert_is_part(standing, full, 0)
@@ -154,8 +157,8 @@ def test_only_clouds_with_subscribers_are_built(clouds, built):
 
 def test_layouts(clouds):
     clouds.hear(FULL)
-    (compact,) = clouds.publish(FULL, layout=COMPACT)
-    (colorless,) = clouds.publish(FULL, layout=COLORLESS)
+    (compact,) = clouds.publish(FULL, settings=COMPACT)
+    (colorless,) = clouds.publish(FULL, settings=COLORLESS)
     (full,) = clouds.publish(FULL)
     assert [field.name for field in compact.fields] == COMPACT_NAMES
     assert compact.point_step == 25
@@ -178,12 +181,50 @@ def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
     sweep = CloudReader().sweep(message, Settings().time, 0)
     flow, colorless = (
         deserialize_message(flow_cloud(sweep, made_estimate(NUM_POINTS), 0.1, layout), PointCloud2)
-        for layout in (FULL_LAYOUT, COLORLESS)
+        for layout in (FULL_LAYOUT.output, COLORLESS.output)
     )
     names = [f"sensor_{name}" for name in ADDED_FIELDS]
     assert [field.name for field in flow.fields] == ["x", "y", "z", *names, *ADDED_FIELDS]
     assert all((column(flow, name) == 99.0).all() for name in names)
     assert "sensor_rgb" not in [field.name for field in colorless.fields]
+
+
+@pytest.mark.parametrize("layout", ["full", "compact"])
+def test_points_of_movers_are_where_they_were_at_the_stamp_if_asked_for(clouds, layout):
+    clouds.hear(MOVING)
+    settings = Settings().changed({"output.layout": layout})
+    (measured,) = clouds.publish(MOVING, settings=settings)
+    (moved,) = clouds.publish(MOVING, settings=settings.changed({"output.deskew_movers": True}))
+    # The sensor is at rest.
+    times_s = TIMES_NS[np.arange(NUM_POINTS) != 4][::10] / 1e9
+    shifts = times_s[:, None] * np.arange(3 * (NUM_POINTS - 1)).reshape(-1, 3)[::10] / 0.1
+    for axis, name in enumerate("xyz"):
+        before = column(measured, name)
+        np.testing.assert_allclose(column(moved, name), before - shifts[:, axis], atol=1e-3)
+        if layout == "full":
+            np.testing.assert_array_equal(column(moved, f"sensor_{name}"), before)
+    np.testing.assert_allclose(column(moved, "flow_x"), column(measured, "flow_x"), atol=1e-3)
+
+
+def test_predicted_ground_is_published_as_a_cloud_of_its_sweep(clouds, built):
+    clouds.hear(PREDICTED)
+    moving = made_estimate(
+        objects=[tracked(5, velocity=np.array([0.0, 8.0, 0.0]))], has_tracks=True
+    )
+    (far,) = clouds.publish(PREDICTED, estimate=moving)
+    near_settings = Settings().changed({"output.horizon_s": 0.5})
+    (near,) = clouds.publish(PREDICTED, estimate=moving, settings=near_settings)
+    assert far.header == near.header == triplet().current.source.message.header
+    assert [field.name for field in far.fields] == ["x", "y", "z", "ahead", "id"]
+    for message, horizon_s in ((far, 2.0), (near, 0.5)):
+        assert column(message, "ahead").max() == horizon_s
+        assert set(column(message, "id")) == {5}
+        # The middle of the car, its heading to the left, is 8 m/s further by then.
+        assert column(message, "y").max() > -2 + 8 * horizon_s + 2
+    # Without objects it is empty, so that listeners forget those before.
+    (nothing,) = clouds.publish(PREDICTED, estimate=made_estimate(has_tracks=True))
+    assert nothing.width == 0
+    assert built == []
 
 
 def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):

@@ -15,8 +15,8 @@ from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
+from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import write_recording
 
 without_drawing = pytest.mark.usefixtures("without_drawing")
 

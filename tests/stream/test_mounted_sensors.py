@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps.sweep import Sweep
 
 SWEEPS = [
     BoxStreet().sweep(
@@ -103,6 +104,15 @@ def test_reasons_are_in_the_frame_of_the_sensor():
     for terms in reason.sweeps:
         assert (terms.static.positions > low).all()
         assert (terms.static.positions < high).all()
+
+
+def test_the_mounting_is_told_before_and_after_the_first_cloud():
+    stream = Stream(Settings())
+    assert stream.mounting.text == "unknown: no cloud yet"
+    stream.add(Sweep(np.ones((100, 3), np.float32), frame_id=SWEEPS[0].frame_id))
+    assert stream.mounting.text == "unknown: no ground is seen"
+    stream.add(SWEEPS[0])
+    assert "estimated from the ground" in stream.mounting.text
 
 
 def test_another_mounting_begins_anew():
