@@ -59,7 +59,7 @@ class LidarRotation:
         if located.source == EgoSource.CONSTANT_VELOCITY.value:
             kept.clear()  # as where a recording begins again
         elif self._is_level and not (kept and _way_m(kept[0], kept[-1]) > _MAX_WAY_M):
-            kept.append(located)
+            kept.append(replace(located, sweep=replace(located.sweep, source=None)))
             del kept[:-_NUM_SWEEPS]
 
     @property
