@@ -111,7 +111,7 @@ setup(
         "datasets": ["pyarrow>=14", "h5py>=3.10"],
         "ray": [*EVALUATION, "ray>=2.40"],
         "tune": [*EVALUATION, "optuna>=5,<6"],
-        "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "hypothesis>=6.100"],
+        "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "hypothesis>=6.100", "pureini>=0.10"],
         "lint": ["ruff", "mypy", "import-linter>=2"],
         # What `make benchmark-online` compares the cost with.
         "benchmark": ["kiss-icp>=1.2,<2"],

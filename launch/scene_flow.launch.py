@@ -38,8 +38,8 @@ ON_WITH_A_BAG = ("use_sim_time", "view")
 ARGUMENTS = {
     "points": (
         "",
-        "PointCloud2 topic of the lidar, or topics of several, separated by commas; empty: the "
-        "only one that is published, or in the bag",
+        "topic of the lidar's clouds, or topics of several, separated by commas; empty or auto: "
+        "the only one that is published, or in the bag",
     ),
     "bag": ("", "recording that is played to the node, from when the node listens"),
     "odometry": ("odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
@@ -58,7 +58,7 @@ ARGUMENTS = {
     "rviz": ("false", "also open RViz"),
     "view": ("", "show the flow in a browser; empty: only with a bag"),
     "view_port": ("8766", "port of that page; a second view on one computer needs another"),
-    "fixed_frame": ("", "frame that RViz shows, that of the clouds; empty: lidar"),
+    "fixed_frame": ("", "frame of the clouds, for RViz; empty: that in the bag, or lidar"),
 }
 
 
@@ -80,6 +80,10 @@ def _nodes(context: LaunchContext) -> list[Action]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     if not Path(given["params_file"]).is_file():
         raise SettingsError(f"params_file: there is no file {given['params_file']}")
+    if given["points"] == "auto":
+        given["points"] = ""
+    if given["bag"]:
+        _look_into_bag(given)
     for name in ON_WITH_A_BAG:
         given[name] = given[name] or str(bool(given["bag"]))
     for name in SWITCHES:
@@ -101,9 +105,10 @@ def _nodes(context: LaunchContext) -> list[Action]:
 
 def _flow_node(given: dict[str, str]) -> Node:
     frame = given["odom_frame"] or f"{given['namespace']}/scene_flow_odom".lstrip("/")
-    topics = _points(given["points"], given["bag"]).split(",")
+    # The node itself looks for the topic that nobody names.
+    topics = given["points"].split(",") if given["points"] else []
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
-    remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
+    remappings = [*zip(own_names, topics, strict=False), ("~/odometry", given["odometry"])]
     several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
     if given["flow"]:
         remappings += [(f"~/{name}", given["flow"] + name[4:]) for name in FLOW_TOPICS]
@@ -141,18 +146,16 @@ def _transitions(node: LifecycleNode) -> list[Action]:
     return [RegisterEventHandler(configured), RegisterEventHandler(started)]
 
 
-def _points(topics: str, bag: str) -> str:
-    if bag:
-        from mnsf_ros.recording.bag_reader import BagReader
-        from mnsf_ros.recording.bag_topics import used_topics
+def _look_into_bag(given: dict[str, str]) -> None:
+    """Names the topic of the lidar and the frame of its clouds, unless they are given."""
+    from mnsf_ros.recording.bag_reader import BagReader
+    from mnsf_ros.recording.bag_topics import used_topics
 
-        with BagReader(bag) as reader:
-            return topics or used_topics(reader.path, reader.topics).points
-    if topics:
-        return topics
-    from mnsf_ros.node.raw_topics import only_cloud_topic
-
-    return only_cloud_topic()
+    with BagReader(given["bag"]) as reader:
+        if not given["points"]:
+            given["points"] = used_topics(reader.path, reader.topics).points
+            cloud = next(reader.messages(given["points"]))
+            given["fixed_frame"] = given["fixed_frame"] or cloud.header.frame_id
 
 
 def _mnsf(*words: str) -> Action:

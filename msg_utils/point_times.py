@@ -37,6 +37,13 @@ _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "n
 _FEW: Final = 0.05
 _MAX_AWAY: Final = 2.0
 _NUM_SAMPLES: Final = 2000
+# Times farther apart, of so many points each, were rounded: lidars measure a firing, a column or a
+# packet at a time, of 2 ms at most.
+_COARSE_S: Final = 0.003
+_MANY: Final = 10
+# Flow of simulated sweeps with times in steps of 10 ms is as good as with exact ones; in steps of
+# 25 ms it is worse than without.
+_FEWEST: Final = 8
 # Floats from 0 to about 1 are shares of the interval if that is far from 1 s. Those that span this
 # share of it in milliseconds are such.
 _SHARES: Final = 0.9
@@ -116,10 +123,12 @@ def _times_of(
             f"values from {first:g} to {last:g} {unit} are no sweep of {_SHORTEST_S:g} to "
             f"{_LONGEST_S:g} s"
         )
+    step_s = _coarse_step(values, unit_s)
     zero, meaning = _zero(first, last, stamp_ns / (NANOSECONDS_PER_SECOND * unit_s), rule)
     values -= zero
     values *= unit_s
-    source = f"field {describe(name)} ({scalar.name}, {unit}, {meaning})"
+    steps = f", in steps of {1e3 * step_s:.0f} ms" if step_s else ""
+    source = f"field {describe(name)} ({scalar.name}, {unit}, {meaning}{steps})"
     return PointTimes(values.astype(np.float32), source)
 
 
@@ -142,6 +151,18 @@ def _without_the_lost(
         values[is_lost] = np.nan
         return float(np.nanmin(values)), float(np.nanmax(values))
     return float(values.min()), float(values.max())
+
+
+def _coarse_step(values: npt.NDArray[np.float64], unit_s: float) -> float:
+    """Returns the mean step between times that were rounded, in seconds; 0 if they were not."""
+    sample = values[:: max(1, len(values) // _NUM_SAMPLES)]
+    shared = np.unique(sample[np.isfinite(sample)])
+    step_s = float(shared[-1] - shared[0]) * unit_s / max(len(shared) - 1, 1)
+    if step_s < _COARSE_S or len(shared) * _MANY > len(sample):
+        return 0.0
+    if len(shared) < _FEWEST:
+        raise _UnfitError(f"only {len(shared)} values: rounded, as by lossy compression")
+    return step_s
 
 
 def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:

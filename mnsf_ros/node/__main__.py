@@ -44,7 +44,7 @@ _LIFE_CYCLE = """
 It starts unconfigured: ros2 lifecycle set /scene_flow configure, then activate."""
 _EPILOG = """\
 ROS arguments:
-  -r '~/points:=/lidar/points'    topic of the lidar
+  -r '~/points:=/lidar/points'    topic of the lidar; without it, the only one with clouds
   -r __ns:=/front                 namespace
   -r __node:=flow                 name, scene_flow by default
   -p crop.max_range_m:=60         a parameter; all of them: mnsf parameters

@@ -86,22 +86,11 @@ class Diagnostics:
     """Makes the statuses, and warns of silence and of findings in the input."""
 
     def __init__(
-        self,
-        node_name: str,
-        faults: FaultLog,
-        find_topics: Callable[[], Sequence[str]],
-        find_other_types: Callable[[Sequence[str]], Sequence[str]],
+        self, node_name: str, faults: FaultLog, cause_of_silence: Callable[[], str]
     ) -> None:
-        """Starts without any input.
-
-        Args:
-            node_name: Full name.
-            faults: Gets the warnings.
-            find_topics: Returns the published topics of clouds.
-            find_other_types: Returns a text for each of the topics that has no clouds.
-        """
+        """Starts without any input; `faults` gets the warnings. The name is the full one."""
         self._node_name, self._faults = node_name, faults
-        self._find_topics, self._find_other_types = find_topics, find_other_types
+        self._cause_of_silence = cause_of_silence
         start = _Moment(time.monotonic(), Counter())
         self._listens_since_s = start.time_s
         self._well = start  # the last moment with flow, or without a reason to expect any
@@ -179,9 +168,11 @@ class Diagnostics:
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),
         )
-        silence_s = self._now_s - max(last_s, self._listens_since_s)
-        if level == _STALE and silence_s > limits.stale_after_s:
-            self._warn_of_silence(state.topic.split(", "), message, silence_s)
+        if level == _STALE:
+            message += f": {self._cause_of_silence()}"
+            silence_s = self._now_s - max(last_s, self._listens_since_s)
+            if silence_s > limits.stale_after_s:
+                self._faults.warn(message, f"{message} ({silence_s:.0f} s of silence)")
         values = {
             "topic": state.topic,
             "publishers": state.num_publishers,
@@ -193,16 +184,6 @@ class Diagnostics:
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)
-
-    def _warn_of_silence(self, own: Sequence[str], message: str, silence_s: float) -> None:
-        """Logs it once for each set of topics that are published instead."""
-        others, topics = self._find_other_types(own), ", ".join(self._find_topics())
-        if topics:
-            others = [*others, f"PointCloud2 topics that are published: {topics}"]
-        elif not others:
-            others = ["no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"]
-        advice = "; ".join(others)
-        self._faults.warn(f"silence {advice}", f"{message} for {silence_s:.0f} s; {advice}")
 
     def _flow_status(
         self, snapshot: StatisticsSnapshot, load: int, settings: Settings

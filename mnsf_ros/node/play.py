@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, begins_with_header
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CDR, CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CDR, CLOUD_TYPES
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Subscribers need a while to find the publishers.
@@ -57,7 +57,7 @@ def play(
         publishers = _publishers(reader, ros, topics, on_left_out)
         tell_time = ros.clock() if clock else None
         ros.spin_for(_SETTLE_S)
-        clouds = [one for one in publishers if reader.topics[one].msgtype == CLOUD_TYPE]
+        clouds = [one for one in publishers if reader.topics[one].msgtype in CLOUD_TYPES]
         while wait and not any(map(ros.node.count_subscribers, clouds)):
             ros.spin_for(_SETTLE_S)
         goes_on = all(begins_with_header(reader.topics[one].msgtype) for one in publishers)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Topics of the ROS graph for programs beside the node, and the topics of lidars."""
+"""Topics of the ROS graph, of any type, for programs beside the node."""
 
 import importlib
 import inspect
@@ -7,30 +7,21 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.node.environment import leaving_ros
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
-_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
-# Clouds that a scene flow node publishes.
-_OWN_ENDS: Final = (
-    *("/flow", "/flow/moving", "/flow/standing"),
-    *("/objects", "/predicted", "/predicted/clearing"),
-)
-# Nodes need a while to find each other; one more cloud may turn up until then.
-_SEARCH_S: Final = 3.0
 _MAX_SPIN_S: Final = 0.1  # until a Ctrl-C is answered
 
 Self = TypeVar("Self", bound="RawTopics")
@@ -148,47 +139,3 @@ def _interrupted_after() -> Iterator[None]:
 def _qos(is_latched: bool = False) -> QoSProfile:
     kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
-
-
-def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
-    """Returns the topic of the only publisher of clouds, beside those of this package.
-
-    Raises:
-        SettingsError: If there is none, or more than one; it names them.
-    """
-    with RawTopics("scene_flow_search") as ros:
-        ros.spin_for(search_s)
-        topics = cloud_topics(ros.node)
-    if len(topics) == 1:
-        return topics[0]
-    if topics:
-        raise SettingsError(f"several PointCloud2 topics: {', '.join(topics)}; give points:=TOPIC")
-    raise SettingsError(
-        f"no PointCloud2 topic is published, as seen in {search_s:g} s; start the lidar first, or "
-        "give points:=TOPIC"
-    )
-
-
-def cloud_topics(node: Node) -> list[str]:
-    """Returns the published topics of clouds that a node sees, beside those of this package."""
-    return sorted(
-        name
-        for name, types in node.get_topic_names_and_types()
-        if _CLOUD_TYPE in types
-        and not name.endswith(_OWN_ENDS)
-        and _CLOUD_TYPE in _published_types(node, name)
-    )
-
-
-def other_types(node: Node, topics: Iterable[str]) -> list[str]:
-    """Returns a text for each of the topics that is published, but with no clouds."""
-    return [
-        f"{topic} is a {', '.join(sorted(types))}"
-        for topic in topics
-        if (types := _published_types(node, topic)) and _CLOUD_TYPE not in types
-    ]
-
-
-def _published_types(node: Node, topic: str) -> set[str]:
-    """A subscriber's type is none of these."""
-    return {info.topic_type for info in node.get_publishers_info_by_topic(topic)}

@@ -18,7 +18,6 @@ from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, UnknownParameterError, undeclared_overrides
-from mnsf_ros.node.raw_topics import cloud_topics, other_types
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.settings import Settings
@@ -59,9 +58,7 @@ class SceneFlowParts:
             raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
         self._input_check = InputCheck(parameters.settings, self._pipeline.mounting)
         name = node.get_fully_qualified_name().lstrip("/")
-        self._diagnostics = Diagnostics(
-            name, faults, lambda: cloud_topics(node), lambda topics: other_types(node, topics)
-        )
+        self._diagnostics = Diagnostics(name, faults, lambda: self._input.silence)
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_service(Trigger, "~/reset", self._on_reset)
         self._start_timers()

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscriptions to the lidars and, where the settings ask for it, to the robot's odometry."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +16,7 @@ from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
+from mnsf_ros.node.cloud_topics import CloudSearch, cloud_class, fault_of
 from mnsf_ros.node.diagnostics import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, SWEEPS_LOST
 from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import Transforms
@@ -22,6 +24,7 @@ from mnsf_ros.settings import EgoMotionSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.errors import MessageError
+from msg_utils.other_clouds import as_cloud
 from msg_utils.stamps import decode_stamp
 
 # Callbacks only decode and hand over, so waiting messages mean a short stall, not a queue.
@@ -32,6 +35,8 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 
 # Publishers that were there before are known by then.
 _DISCOVERY_S = 3.0
+# Clouds come more often, twice a second at least.
+_SILENCE_S = 1.0
 
 _MISSED = (
     CLOUDS_MISSED,
@@ -75,11 +80,13 @@ class MissedClouds:
 
 
 class InputSubscription:
-    """Subscribes best effort, or reliable where every publisher is.
+    """Subscribes best effort, or reliable where every publisher is; to clouds, or compressed ones.
 
     Reliable transport loses no large clouds, but a reliable subscription gets nothing from a
     best-effort publisher. `BEST_AVAILABLE` decides once, often before the publisher is there, so
     this looks again and again: call `refresh` from a timer.
+
+    A topic that is neither remapped nor published is left for the only one with clouds.
     """
 
     def __init__(
@@ -89,7 +96,10 @@ class InputSubscription:
         reliability: str,
         on_cloud: Callable[[PointCloud2], None],
         report: Report,
+        *,
+        may_search: bool = False,
     ) -> None:
+        """Subscribes to a topic; with `may_search` it is one to leave."""
         self._node = node
         self._topic = topic
         self._wanted = reliability
@@ -98,7 +108,11 @@ class InputSubscription:
         self._missed = MissedClouds()
         self._start_s = time.monotonic()
         self._is_reliable = reliability == "reliable"
+        self._class: Any = PointCloud2
+        self._heard_s = -math.inf
         self._subscription = self._subscribe()
+        is_named = self.topic != topic.replace("~", node.get_fully_qualified_name())
+        self._search = CloudSearch(node) if may_search and not is_named else None
 
     @property
     def topic(self) -> str:
@@ -115,30 +129,53 @@ class InputSubscription:
         """Publishers of the topic that are visible now."""
         return int(self._node.count_publishers(self.topic))
 
+    @property
+    def is_searching(self) -> bool:
+        """Whether the only topic of clouds will be taken."""
+        return self._search is not None
+
+    @property
+    def fault(self) -> str:
+        """Why no sweep comes although the topic is published; empty if it is not published."""
+        if time.monotonic() - self._heard_s < _SILENCE_S:
+            return f"clouds of {self.topic} arrive, but make no sweep yet"
+        return fault_of(self._node, self.topic, self._qos)
+
     def refresh(self) -> None:
-        """Subscribes anew if the publishers offer another reliability."""
-        if time.monotonic() - self._start_s > _DISCOVERY_S and self.num_publishers == 0:
-            self._missed.expect_a_new_publisher()
-        if self._wanted != "auto":
-            return
+        """Subscribes anew if the publishers offer another reliability or type."""
         offered = self._node.get_publishers_info_by_topic(self.topic)
+        if offered:
+            self._search = None
+        elif time.monotonic() - self._start_s > _DISCOVERY_S:
+            self._missed.expect_a_new_publisher()
+        if self._search is not None and (found := self._search.found()):
+            self._node.get_logger().info(f"sweeps from {found}, the only topic of clouds")
+            self._topic, self._search = found, None
+            offered = self._node.get_publishers_info_by_topic(found)
         # Without publishers best effort, which suits whichever comes.
         all_reliable = bool(offered) and all(
             info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in offered
         )
-        if all_reliable != self._is_reliable:
-            self._is_reliable = all_reliable
+        is_reliable = all_reliable if self._wanted == "auto" else self._wanted == "reliable"
+        kind = cloud_class({info.topic_type for info in offered}) or self._class
+        wanted, topic = (is_reliable, kind), self._node.resolve_topic_name(self._topic)
+        if (*wanted, topic) != (self._is_reliable, self._class, self.topic):
+            self._is_reliable, self._class = wanted
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe()
             self._node.get_logger().info(f"subscribed {self.reliability} to {self.topic}")
 
-    def _subscribe(self) -> Any:  # noqa: ANN401 - rclpy's type differs between releases
+    @property
+    def _qos(self) -> QoSProfile:
         policy = ReliabilityPolicy.RELIABLE if self._is_reliable else ReliabilityPolicy.BEST_EFFORT
+        return QoSProfile(depth=_DEPTH, reliability=policy)
+
+    def _subscribe(self) -> Any:  # noqa: ANN401 - rclpy's type differs between releases
         return self._node.create_subscription(
-            PointCloud2,
+            self._class,
             self._topic,
             self._receive,
-            QoSProfile(depth=_DEPTH, reliability=policy),
+            self._qos,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
@@ -148,6 +185,7 @@ class InputSubscription:
         self._report(SWEEPS_LOST, text, int(event.total_count_change))
 
     def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
+        self._heard_s = time.monotonic()
         number = info["publication_sequence_number"]
         missed = self._missed.before(number, self.num_publishers)
         if missed:
@@ -160,7 +198,7 @@ def decoded(
 ) -> Sweep | None:
     """Returns the sweep of a cloud; None if it cannot be decoded or has no points, as reported."""
     try:
-        sweep = clouds.sweep(message, settings, now_ns)
+        sweep = clouds.sweep(as_cloud(message), settings, now_ns)
     except MessageError as error:
         report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
         return None

@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from mnsf_ros.geometry.transforms import mounted_at
+from mnsf_ros.node.cloud_topics import cloud_topics, unusable_topics
 from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription, Report, decoded
 from mnsf_ros.node.transforms import TransformError, Transforms
@@ -109,8 +110,21 @@ class SweepInput:
             num_parts=self.num_parts,
         )
 
+    @property
+    def silence(self) -> str:
+        """Why no sweep comes, as far as the ROS graph tells."""
+        causes = [fault for one in self._subscriptions if (fault := one.fault)]
+        own = {subscription.topic for subscription in self._subscriptions}
+        others = [topic for topic in cloud_topics(self._node) if topic not in own]
+        if others:
+            is_taken = len(others) == 1 and self._subscriptions[0].is_searching
+            advice = "" if is_taken else ": name one with points:=TOPIC"
+            causes.append(f"clouds are on {', '.join(others)}{advice}")
+        causes = causes or unusable_topics(self._node)
+        return "; ".join(causes) or "no clouds are published, see ROS_DOMAIN_ID if some should be"
+
     def refresh(self) -> None:
-        """Subscribes anew where the publishers' reliability has changed."""
+        """Subscribes anew where the publishers have changed."""
         for subscription in self._subscriptions:
             subscription.refresh()
 
@@ -147,6 +161,7 @@ class SweepInput:
             self._settings.node.input_reliability,
             partial(self._on_cloud, index),
             self._report,
+            may_search=self._settings.lidars.count == 1,
         )
 
     def _on_cloud(self, index: int, message: PointCloud2) -> None:
@@ -218,7 +233,7 @@ class SweepInput:
         by_tf = self._settings.ego_motion.source == "tf"
         try:
             if by_tf and self.transforms is not None:
-                fixed_frame = self._settings.tf.fixed_frame
+                fixed_frame = self.transforms.fixed_frame(self._settings.tf.fixed_frame)
                 pose = self.transforms.find(fixed_frame, sweep.frame_id, sweep.stamp_ns)
                 return replace(sweep, odometry=pose)
             return self._odometry.located(sweep)

@@ -12,7 +12,7 @@ from rclpy.time import Time
 from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import OverGround
-from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.errors import MnsfError, SettingsError, shortened
 from mnsf_ros.geometry.transforms import pose_quaternion, transform_matrix
 from msg_utils.errors import MessageError
 
@@ -41,6 +41,22 @@ class Transforms:
     def forget(self) -> None:
         """Forgets all transforms that may change: time has jumped back."""
         self._buffer.clear()
+
+    def fixed_frame(self, wanted: str) -> str:
+        """Returns the wanted frame, or the only one of that name in a namespace.
+
+        Raises:
+            TransformError: If TF has neither; it lists the frames.
+        """
+        frames, name = sorted(self._buffer._getFrameStrings()), wanted.lstrip("/")
+        found = [frame for frame in frames if frame == name or frame.endswith(f"/{name}")]
+        if name in found:
+            return name
+        if len(found) == 1:
+            return found[0]
+        raise TransformError(
+            f"TF has no frame {name!r}, but {shortened(frames)}: name one with tf.fixed_frame"
+        )
 
     def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
         """Returns (4, 4) target_from_source at a stamp; the newest one without a stamp.

@@ -63,13 +63,13 @@ def moving_features(
 ) -> NDArray[np.float64]:
     """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
-    uncertainty = np.log((moving.cost + NOISE_M) / (residual_rise + NOISE_M))
+    uncertainty = np.log((moving.near_mean + NOISE_M) / (residual_rise + NOISE_M))
     return _with_constant(uncertainty, np.log1p(np.maximum(log_odds, 0.0)), np.log1p(lengths))
 
 
 def doubtful_features(static: JudgedMotions) -> NDArray[np.float64]:
     """Returns (K, 2) the features of K suspects, see `doubtful_confidence`."""
-    return _with_constant(static.cost)
+    return _with_constant(static.near_mean)
 
 
 def static_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -66,9 +66,8 @@ def with_start(table: ObjectTable, judged: JudgedMotions, targets: Targets) -> O
         targets: The other sweeps.
     """
     rows = table.open_rows
-    suspects = table.select(rows)
-    explains = judged.total < CLEARLY_SHARE * suspects.static.total
-    is_kept = suspects.prior.has_track | explains | (not targets.past)
+    explains = judged.total < CLEARLY_SHARE * table.static.total[rows]
+    is_kept = table.prior.has_track[rows] | explains | (not targets.past)
     table = table.put(rows, start=judged.motions)
     return table.rejected(rows[~is_kept], Verdict.NO_BETTER_MOTION)
 

@@ -27,7 +27,7 @@ _WEIGHTS: Final = (-2.05, 0.9, 0.4, -3.1, -0.42, -0.18, 0.35, -2.0)
 _TENTATIVE: Final = 2.0
 
 
-def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
+def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
     """Weighs the evidence for the motions of the open objects, and decides which of them move.
 
     Touching objects that move, or may move, alike become a group: if one of it moves, all do.
@@ -43,11 +43,10 @@ def decided(table: ObjectTable, scene: Scene) -> ObjectTable:
     may_move, is_moving = moves(
         points.numbers, fitted.wholes, motions, log_odds, scene.usual_interval_s, scene.settings
     )
-    followed = fitted.select(np.flatnonzero(may_move))
-    groups = mover_groups(
-        followed.points, followed.moving.motions, *followed.points.all_points(current)
-    )
-    residual_rise = residual_rise_m(followed.points, followed.moving, targets)
+    followed = points.select(np.flatnonzero(may_move))
+    followed_motions = fitted.moving.select(np.flatnonzero(may_move))
+    groups = mover_groups(followed, motions[may_move], *followed.all_points(current))
+    residual_rise = residual_rise_m(followed, followed_motions, targets)
     table = table.put(rows[may_move], residual_rise=residual_rise, groups=groups)
     is_moving[may_move] = np.isin(groups, groups[is_moving[may_move]])
     has_moving_part = np.isin(points.numbers, fitted.wholes[is_moving])
@@ -116,7 +115,9 @@ def evidence(
     are_parts = table.wholes != objects.numbers
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_predicted = prior.has_track & are_same(moving.motions, prior.motions)
-    shares = _log_share(moving.cost, static.cost) + _log_share(moving.older, static.older)
+    shares = _log_share(moving.near_mean, static.near_mean) + _log_share(
+        moving.past_mean, static.past_mean
+    )
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(table)),

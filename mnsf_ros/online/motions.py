@@ -92,18 +92,18 @@ class JudgedMotions(Rows):
 
     @cached_property
     def total(self) -> NDArray[np.float64]:
-        """(K,) metres, the sum of `cost` and `older`."""
-        return self.cost + self.older
+        """(K,) metres, the sum of `near_mean` and `past_mean`."""
+        return self.near_mean + self.past_mean
 
     @cached_property
-    def cost(self) -> NDArray[np.float64]:
+    def near_mean(self) -> NDArray[np.float64]:
         """(K,) metres, the mean residual in the next and the previous sweep."""
         return self.near.mean(axis=1)
 
     @property
-    def older(self) -> NDArray[np.float64]:
-        """(K,) metres, the mean residual in older sweeps; without older ones, `cost`."""
-        return self.past.mean(axis=1) if self.past.shape[1] else self.cost
+    def past_mean(self) -> NDArray[np.float64]:
+        """(K,) metres, the mean residual in older sweeps; without older ones, `near_mean`."""
+        return self.past.mean(axis=1) if self.past.shape[1] else self.near_mean
 
     def posterior_cost(self, prior: TrackPrior) -> NDArray[np.float64]:
         """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""

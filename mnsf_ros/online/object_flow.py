@@ -12,7 +12,7 @@ from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.online.first_guess import with_first_guesses
-from mnsf_ros.online.gate import decided
+from mnsf_ros.online.gate import with_verdicts
 from mnsf_ros.online.motions import fit_motion_field, fuse_motions
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.output import flow_of, to_points
@@ -96,23 +96,23 @@ class ObjectFlowEstimator:
             CancelledError: If `cancelled` says so.
         """
         clock, start = StageClock(cancelled), self._tracker.start
-        stamp_ns, interval_s = triplet.current.stamp_ns, triplet.interval_s
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             prepared = prepared or self.prepare(triplet)
             scene = Scene.of(triplet, prepared, self.settings.objects, effort)
+        stamp_ns, interval_s = triplet.current.stamp_ns, scene.interval_s
         world_from_sensor = scene.current.pose.world_from_sensor
         with clock.stage("suspects"):
             objects = ObjectPoints.of(scene.current, scene.settings)
             tracks = self._tracker.predicted(stamp_ns, interval_s)
-            prior = track_prior(tracks, objects, world_from_sensor, scene.interval_s)
+            prior = track_prior(tracks, objects, world_from_sensor, interval_s)
             wholes = scene.current.wholes[objects.numbers]
             table = ObjectTable.begun(objects, wholes, prior, scene.targets)
             table = with_suspects(table, scene.targets, scene.settings.max_suspects)
         table = self.find_motions(table, scene, clock)
         with clock.stage("gate"):
-            table = decided(table, scene)
+            table = with_verdicts(table, scene)
             scene = replace(scene, current=rejoined(scene.current, table.movers.points.numbers))
         with clock.stage("turning"):
             table = with_turns(table, scene)

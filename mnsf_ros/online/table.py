@@ -113,7 +113,7 @@ class ObjectTable(Rows):
         """The objects that move."""
         return self.select(self.mover_rows)
 
-    @property
+    @cached_property
     def doubtful(self) -> "ObjectTable":
         """The suspects that were not found to move, with those beyond the limit of the work."""
         is_certain = self.verdicts == Verdict.NOT_SUSPECTED
@@ -132,13 +132,11 @@ class ObjectTable(Rows):
     @property
     def group_motions(self) -> NDArray[np.float64]:
         """(G, 3) metres, the mean motions of the groups' points to the next sweep."""
-        followed = self.select(self.followed_rows)
-        counts = followed.points.counts.astype(np.float64)
-        weights = np.bincount(followed.groups, counts, self.num_groups)[:, None]
-        weighted = followed.moving.motions * counts[:, None]
-        return np.asarray(
-            sums_by_group(weighted, followed.groups, self.num_groups) / weights, np.float64
-        )
+        rows, num_groups = self.followed_rows, self.num_groups
+        groups, counts = self.groups[rows], self.points.counts[rows].astype(np.float64)
+        weights = np.bincount(groups, counts, num_groups)[:, None]
+        weighted = self.moving.motions[rows] * counts[:, None]
+        return np.asarray(sums_by_group(weighted, groups, num_groups) / weights, np.float64)
 
 
 def sums_by_group(

@@ -29,11 +29,12 @@ from mnsf_ros.recording.bag_topics import (
     known_topic,
     listing,
 )
-from mnsf_ros.recording.expansion import expand_file, expanded
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File
 from mnsf_ros.recording.sqlite_file import SqliteFile
 from mnsf_ros.recording.storage_file import Converted, Damage, Readable, StorageFile
+from msg_utils.expansion import expand_file, expanded
+from msg_utils.other_clouds import UnsupportedCloudError, as_cloud
 
 _MAX_WARNINGS: Final = 5
 # How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
@@ -118,7 +119,7 @@ class BagReader:
     def messages(self, topic: str) -> Iterator[Any]:
         """Returns the messages of a topic, deserialized, with the attributes of the ROS type.
 
-        Arrays in them are read-only.
+        Clouds of all `CLOUD_TYPES` are PointCloud2. Arrays in messages are read-only.
 
         Raises:
             RecordingError: The topic is unknown (at once), or damage is met that opening the
@@ -135,10 +136,15 @@ class BagReader:
         """Returns receive time in nanoseconds and message, or a Damage where some may be missing.
 
         Raises:
-            RecordingError: The topic is unknown.
+            RecordingError: The topic is unknown (at once), or has clouds that cannot be read,
+                however intact.
         """
         msgtype = known_topic(self.path, self.topics, topic).msgtype
-        return self._converted(topic, lambda raw: jazzy().deserialize_cdr(_expanded(raw), msgtype))
+
+        def message(raw: bytes) -> Any:  # noqa: ANN401 - rosbags makes its class
+            return as_cloud(jazzy().deserialize_cdr(_expanded(raw), msgtype))
+
+        return self._converted(topic, message)
 
     def _undamaged(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         for item in found:
@@ -160,6 +166,8 @@ class BagReader:
             received_ns, raw = item
             try:
                 converted = convert(raw)
+            except UnsupportedCloudError as error:
+                raise RecordingError(f"{self.path}: topic {topic!r}: {error}") from error
             except UNREADABLE as error:
                 text = f"message {number} on {topic!r} cannot be read"
                 yield Damage.of(self.path, "", error, text)

@@ -2,16 +2,17 @@
 """Topics of a recording: usual names and types, and selection; see `docs/recordings.md`."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Final
 
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import RecordingError
+from msg_utils.other_clouds import COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
 
 POINTS_TOPIC: Final = "/points"
 TRUTH_FLOW_TOPIC: Final = "/truth/flow"
@@ -20,6 +21,8 @@ TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
 TF_TOPIC: Final = "/tf"
 
 CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+# That are read as clouds, the first ones rather.
+CLOUD_TYPES: Final = (CLOUD_TYPE, COMPRESSED_TYPE, *LIVOX_TYPES)
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
 TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
 
@@ -35,8 +38,18 @@ _LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b
 
 @cache
 def jazzy() -> Typestore:
-    """The message types of ROS 2 Jazzy."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """The message types of ROS 2 Jazzy, and those of clouds."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, definition in DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
+
+
+# Packets of a lidar to what makes clouds of them.
+_CONVERTERS: Final = {
+    "velodyne_msgs/msg/VelodyneScan": "velodyne_transform_node of velodyne_pointcloud",
+    "ouster_sensor_msgs/msg/PacketMsg": "replay.composite.launch.xml of ouster_ros",
+}
 
 
 def has_latched_profile(profiles: str) -> bool:
@@ -109,16 +122,16 @@ def used_topics(
         find_topic(path, topics, odometry, ODOMETRY_TYPE)
     if truth is not None:
         points = points or usual(POINTS_TOPIC, CLOUD_TYPE)
-    points = find_topic(path, topics, points, CLOUD_TYPE)
+    points = find_topic(path, topics, points, *CLOUD_TYPES)
     if points == truth:
         raise RecordingError(f"{path}: topic {points!r} cannot be both the sweeps and their truth")
     return UsedTopics(points, truth, odometry)
 
 
 def find_topic(
-    path: Path, topics: Mapping[str, TopicSummary], name: str | None, msgtype: str
+    path: Path, topics: Mapping[str, TopicSummary], name: str | None, *msgtypes: str
 ) -> str:
-    """Returns the named topic, else the only topic of this type with messages.
+    """Returns the named topic, else the only topic of the first type that has messages.
 
     Raises:
         RecordingError: There is no such topic, it is of another type or empty, or there are
@@ -126,20 +139,29 @@ def find_topic(
     """
     if name is not None:
         summary = known_topic(path, topics, name)
-        if summary.msgtype != msgtype:
+        if summary.msgtype not in msgtypes:
             raise RecordingError(
-                f"{path}: topic {name!r} is of type {summary.msgtype}, expected {msgtype}"
+                f"{path}: topic {name!r} is of type {summary.msgtype}, expected {msgtypes[0]}"
+                + _advice([summary])
             )
         if summary.count == 0:
             raise RecordingError(f"{path}: topic {name!r} holds no messages")
         return name
-    found = [topic for topic, summary in topics.items() if summary.has_messages(msgtype)]
-    if not found:
-        raise RecordingError(f"{path}: no topic of type {msgtype}; {listing(topics)}")
-    if len(found) > 1:
-        names = ", ".join(found)
-        raise RecordingError(f"{path}: {len(found)} topics of type {msgtype}: name one of {names}")
-    return found[0]
+    for msgtype in msgtypes:
+        found = [topic for topic, summary in topics.items() if summary.has_messages(msgtype)]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            kinds, names = f"{len(found)} topics of type {msgtype}", ", ".join(found)
+            raise RecordingError(f"{path}: {kinds}: name one of {names}")
+    text = f"no topic of type {msgtypes[0]}; {listing(topics)}{_advice(topics.values())}"
+    raise RecordingError(f"{path}: {text}")
+
+
+def _advice(summaries: Iterable[TopicSummary]) -> str:
+    """Returns the end of a message: what makes clouds of packets, if there are such."""
+    tools = {one.msgtype: tool for one in summaries if (tool := _CONVERTERS.get(one.msgtype))}
+    return "".join(f"; {tool} makes clouds of {name}" for name, tool in tools.items())
 
 
 def known_topic(path: Path, topics: Mapping[str, TopicSummary], name: str) -> TopicSummary:

@@ -21,8 +21,8 @@ from mcap.summary import Summary
 
 from mnsf_ros.errors import UNREADABLE
 from mnsf_ros.recording.bag_topics import CDR, TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.expansion import MAX_BYTES, expanded
 from mnsf_ros.recording.storage_file import Damage, Readable, StorageFile
+from msg_utils.expansion import MAX_BYTES, expanded
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 # Opcode and length, two offsets and a checksum, and the mark of the end.

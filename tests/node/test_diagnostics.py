@@ -28,6 +28,7 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.STALE,
 )
 PATIENCE_S = 2.0
+SILENCE = "no sweep on /points: no clouds are published"
 
 
 class Story:
@@ -35,14 +36,11 @@ class Story:
 
     def __init__(self):
         self.now_s = 100.0
-        self.topics, self.warnings = [], {}
-        self.others = {"/points": []}
+        self.cause, self.warnings = "no clouds are published", {}
 
     def begin(self):
         self.statistics = StreamStatistics()
-        self._diagnostics = Diagnostics(
-            "robot/flow_node", self, lambda: self.topics, lambda own: self.others[own[0]]
-        )
+        self._diagnostics = Diagnostics("robot/flow_node", self, lambda: self.cause)
 
     def warn(self, kind, text):
         """A warning in the log."""
@@ -115,7 +113,7 @@ def values_of(status):
 
 class TestLevels:
     def test_of_a_stream_that_begins_goes_on_and_stops(self, story):
-        assert story.says() == [(STALE, "no sweep on /points"), (OK, "waiting for sweeps")]
+        assert story.says() == [(STALE, SILENCE), (OK, "waiting for sweeps")]
         story.receive()
         assert story.says() == [(OK, "receiving"), (OK, "waiting for the third sweep")]
         assert story.says(load=1)[1] == (OK, "estimating")
@@ -123,7 +121,7 @@ class TestLevels:
         assert story.says() == [(OK, "receiving"), (OK, "estimating")]
         story.now_s += PATIENCE_S + 0.1
         assert story.says() == [
-            (STALE, "no sweep on /points"),
+            (STALE, SILENCE),
             (OK, "waiting for sweeps"),
         ]
         story.receive()
@@ -225,29 +223,19 @@ class TestLevels:
         text = "latency above 100 ms (node.max_latency_ms)"
         assert story.says(**{"node.max_latency_ms": 100})[1] == (WARN, text)
 
-    def test_of_silence_are_logged_with_the_topics_that_are_published(self, story):
-        assert story.says()[0] == (STALE, "no sweep on /points")
+    def test_of_silence_have_its_cause_and_log_each_once(self, story):
+        assert story.says()[0] == (STALE, SILENCE)
         # Nobody listens in a pause.
         story.now_s += 3.0
         story.says(pause="disabled")
         assert not story.warnings
-        for topics in ([], ["/front", "/rear"], []):
+        for cause in (story.cause, "/points is a sensor_msgs/msg/LaserScan", story.cause):
             story.now_s += 3.0
-            story.topics = topics
-            story.says()
+            story.cause = cause
+            assert story.says()[0] == (STALE, f"no sweep on /points: {cause}")
         assert list(story.warnings.values()) == [
-            "no sweep on /points for 3 s; no PointCloud2 topic is published, see ROS_DOMAIN_ID if "
-            "one should be",
-            "no sweep on /points for 6 s; PointCloud2 topics that are published: /front, /rear",
-        ]
-        story.warnings.clear()
-        story.others["/points"] = ["/points is a sensor_msgs/msg/LaserScan"]
-        for topics in ([], ["/front"]):
-            story.topics = topics
-            story.says()
-        assert [text.partition("; ")[2] for text in story.warnings.values()] == [
-            "/points is a sensor_msgs/msg/LaserScan",
-            "/points is a sensor_msgs/msg/LaserScan; PointCloud2 topics that are published: /front",
+            f"{SILENCE} (3 s of silence)",
+            "no sweep on /points: /points is a sensor_msgs/msg/LaserScan (6 s of silence)",
         ]
 
     def test_while_the_node_is_disabled(self, story):
@@ -371,10 +359,12 @@ class TestOnTheTopic:
         assert [name for name, value in values.items() if not value] == []
         assert peer.set({"node.stale_after_s": 0.2})[0].successful
         peer.spin_until(lambda: peer.status("input").level == STALE, "silence to be noticed")
-        assert peer.status("input").message == f"no sweep on {peer.points_topic}"
+        topic = peer.points_topic
+        cause = f"no sweep on {topic}: {topic} is published, but nothing arrives"
+        peer.spin_until(lambda: cause in peer.status("input").message, "its cause")
         peer.spin_until(
             lambda: peer.status("flow").message == "waiting for sweeps", "the flow to know it, too"
         )
         assert peer.set({"node.stale_after_s": 60.0})[0].successful
         peer.spin_until(lambda: peer.status("input").level == OK, "more patience")
-        assert f"[quick]: no sweep on {peer.points_topic} for" in peer.process.log
+        assert f"[quick]: {cause}" in peer.process.log

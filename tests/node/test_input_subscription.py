@@ -1,22 +1,27 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscription follows its publishers, and counts the clouds that it has missed."""
 
+import array
+import itertools
 import time
+import zlib
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from moving_boxes import surfaces
-from node_harness import SceneFlowPeer, Spinner
+from node_harness import PATIENCE_S, QUICK, SceneFlowPeer, Spinner
 from rclpy.context import Context
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan, PointCloud2
 from synthetic_clouds import xyz_message
 
-from mnsf_ros.errors import SettingsError
 from mnsf_ros.node import subscriptions
-from mnsf_ros.node.raw_topics import RawTopics, cloud_topics, only_cloud_topic, other_types
+from mnsf_ros.node.cloud_topics import CloudSearch, cloud_topics, fault_of
+from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.other_clouds import COMPRESSED_TYPE
 
 
 @pytest.mark.parametrize(
@@ -132,49 +137,130 @@ def test_clouds_before_a_publisher_was_found_are_counted(ros, monkeypatch):
     assert len(received) + sum(missed) == 6
 
 
-class TestOnlyCloudTopic:
-    """The lidar's topic is found where there is only one."""
+class TestOfTheGraph:
+    """Topics of clouds, and why none come; the lidars are nodes of other contexts."""
 
     @pytest.fixture
-    def lidars(self, ros, own_domain):
-        """A node in a graph of its own; one process sees its topics at once."""
-        context = Context()
-        rclpy.init(args=[], context=context)
-        node = rclpy.create_node("lidars", context=context)
-        yield node
-        node.destroy_node()
-        context.try_shutdown()
+    def advertise(self, ros, own_domain):
+        """Adds a node with publishers: topic to class, or to class and reliability."""
+        ends = []
 
-    def found(self, search_s):
-        try:
-            return only_cloud_topic(search_s)
-        except SettingsError as error:
-            return str(error)
+        def advertise(name, **topics):
+            context = Context()
+            rclpy.init(args=[], context=context)
+            node = rclpy.create_node(name, context=context)
+            for topic, kind in topics.items():
+                node.create_publisher(kind, f"/{topic.replace('__', '/')}", 1)
+            ends.append((node, context))
+            return node
 
-    @pytest.mark.parametrize(
-        ("topics", "answer"),
-        [
-            (["/lidar/points", "/scene_flow/flow", "/scene_flow/objects"], "/lidar/points"),
-            (["/rear/points", "/front/points"], "several PointCloud2 topics: /front/points, /rear"),
-            (["/scene_flow/flow/moving"], "no PointCloud2 topic is published"),
-        ],
-    )
-    def test_is_the_answer_or_named_in_it(self, lidars, topics, answer):
-        for topic in topics:
-            lidars.create_publisher(PointCloud2, topic, 1)
-        # As long as this machine needs.
-        assert any(self.found(search_s).startswith(answer) for search_s in (0.3, 2.0, 8.0, 32.0))
+        yield advertise
+        for node, context in ends:
+            node.destroy_node()
+            context.try_shutdown()
 
-    def test_is_none_of_another_type_even_if_somebody_waits_there_for_clouds(self, lidars):
-        lidars.create_publisher(PointCloud2, "/points", 1)
-        lidars.create_subscription(PointCloud2, "/scan", print, 1)
-        topics = ["/scan", "/points", "/nothing"]
-        assert other_types(lidars, topics) == []
-        # One process has one type for a topic; the scanner is another one's.
-        with RawTopics("scanner") as scanner:
-            scanner.node.create_publisher(LaserScan, "/scan", 1)
-            give_up_s = time.monotonic() + 60
-            while not lidars.count_publishers("/scan") and time.monotonic() < give_up_s:
-                scanner.spin_for(0.1)
-            assert other_types(lidars, topics) == ["/scan is a sensor_msgs/msg/LaserScan"]
-            assert cloud_topics(lidars) == ["/points"]
+    @pytest.fixture
+    def listener(self, ros, own_domain):
+        """A node of the same graph."""
+        with RawTopics("listener") as listener:
+            yield listener
+
+    def wait(self, listener, condition):
+        give_up_s = time.monotonic() + PATIENCE_S
+        while not (result := condition()):
+            assert time.monotonic() < give_up_s
+            listener.spin_for(0.05)
+        return result
+
+    def test_clouds_of_scene_flow_nodes_are_no_candidates(self, advertise, listener):
+        advertise("lidar", points=PointCloud2, scan=LaserScan)
+        outputs = dict.fromkeys(("motion", "flow__flow", "flow__objects"), PointCloud2)
+        advertise("flow", **outputs, flow__explanation=DiagnosticArray)
+        advertise("player", scene_flow__flow__moving=PointCloud2)  # of a recording
+        search = CloudSearch(listener.node)
+        assert self.wait(listener, search.found) == "/points"
+        # Nobody publishes clouds there, but somebody waits for them.
+        advertise("viewer").create_subscription(PointCloud2, "/wanted", print, 1)
+        advertise("rear", rear=PointCloud2)
+        self.wait(listener, lambda: cloud_topics(listener.node) == ["/points", "/rear"])
+        assert search.found() is None
+
+    def test_why_no_cloud_comes(self, advertise, listener):
+        def fault(topic, reliability=ReliabilityPolicy.BEST_EFFORT):
+            return fault_of(listener.node, topic, QoSProfile(depth=1, reliability=reliability))
+
+        advertise("driver", points=PointCloud2, scan=LaserScan)
+        assert fault("/nothing") == ""
+        assert self.wait(listener, lambda: fault("/scan")) == (
+            "/scan is a sensor_msgs/msg/LaserScan"
+        )
+        assert fault("/points") == "/points is published, but nothing arrives"
+        weak = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        advertise("weak").create_publisher(PointCloud2, "/weak", weak)
+        self.wait(listener, lambda: fault("/weak"))
+        assert fault("/weak", ReliabilityPolicy.RELIABLE) == (
+            "/weak is published in another quality of service: Best effort publisher and "
+            "reliable subscription"
+        )
+
+
+class TestTopicThatNobodyNamed:
+    """A real node without a remapping looks for the lidar by itself."""
+
+    @pytest.fixture
+    def lidar(self, own_domain):
+        with RawTopics("lidar") as lidar:
+            yield lidar
+
+    @pytest.fixture
+    def process(self, own_domain, start_node):
+        process = start_node(QUICK | {"node.stale_after_s": 0.5})
+        yield process
+        process.end()
+
+    def flow_of(self, lidar, process, topic, msgtype, message):
+        """Publishes clouds, by their number, on a topic until there is flow of them."""
+        flows, publisher = [], lidar.publisher(topic, msgtype)
+        lidar.subscribe("/scene_flow/flow", CLOUD_TYPE, flows.append)
+        for index in itertools.count():
+            publisher.publish(message(index))
+            lidar.spin_for(0.1)
+            if flows:
+                break
+            assert process.is_running, process.log
+            assert index < 10 * PATIENCE_S, process.log
+        assert process.log.count(f"sweeps from {topic}, the only topic of clouds") == 1
+        return flows[0]
+
+    def test_is_the_only_one_with_clouds(self, lidar, process, drive):
+        self.flow_of(lidar, process, "/lidar/points", CLOUD_TYPE, drive.sweep)
+
+    def test_may_have_compressed_clouds_where_their_package_is_installed(
+        self, lidar, process, drive
+    ):
+        messages = pytest.importorskip("point_cloud_interfaces.msg")
+
+        def compressed(index):
+            cloud = drive.sweep(index)
+            values = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
+            data = zlib.compress(values.pop("data"))
+            return messages.CompressedPointCloud2(
+                **values, format="zlib", compressed_data=array.array("B", data)
+            )
+
+        flow = self.flow_of(lidar, process, "/points/zlib", COMPRESSED_TYPE, compressed)
+        assert flow.width == drive.sweep(0).width
+
+    def test_is_asked_for_where_there_are_several(self, lidar, process):
+        messages = []
+        lidar.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", messages.append)
+        for topic in ("/rear", "/front"):
+            lidar.publisher(topic, CLOUD_TYPE)
+        expected = "on /scene_flow/points: clouds are on /front, /rear: name one with points:=TOPIC"
+        give_up_s = time.monotonic() + PATIENCE_S
+        while expected not in process.log:
+            assert time.monotonic() < give_up_s, process.log
+            lidar.spin_for(0.1)
+        lidar.spin_for(2.0)  # far more than it takes to settle
+        assert expected in messages[-1].status[0].message
+        assert process.log.count(expected) == 1

@@ -25,7 +25,7 @@ from synthetic_clouds import column, over_ground, xyz_columns, xyz_message
 from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
 from mnsf_ros.node import sweep_input
 from mnsf_ros.node.sweep_input import SweepInput
-from mnsf_ros.node.transforms import OdometryFrame, Transforms
+from mnsf_ros.node.transforms import OdometryFrame, TransformError, Transforms
 from mnsf_ros.settings import Settings
 
 # Columns of a merged cloud beside those of its lidars.
@@ -61,6 +61,9 @@ class Tf2(types.ModuleType):
 
     def clear(self):
         self.num_clears += 1
+
+    def _getFrameStrings(self):  # noqa: N802
+        return sorted({frame for names in self.found for frame in names[:2]})
 
     def lookup_transform(self, target, source, stamp):
         message = TransformStamped()
@@ -153,6 +156,19 @@ def test_sweeps_wait_for_their_transform_in_order_and_for_a_time(make, tf2, driv
     lidar.wait_for_sweeps(3)
     assert lidar.sweeps[2].odometry is None
     assert lidar.events == ["transforms_missing"]
+
+
+def test_the_fixed_frame_may_be_in_a_namespace(ros, tf2):
+    def of(*frames):
+        tf2.found = {(frame, "lidar", 0): 1.0 for frame in frames}
+        return Transforms(None, "a test").fixed_frame("/odom")
+
+    assert of("odom", "a/odom") == "odom"
+    assert of("a/odom", "map", "odometer") == "a/odom"
+    with pytest.raises(TransformError, match=r"\['a/odom', 'b/odom', 'lidar'\]: name one with tf"):
+        of("a/odom", "b/odom")
+    with pytest.raises(TransformError, match=r"TF has no frame 'odom', but \[\]"):
+        of()
 
 
 def test_the_mounting_is_looked_up_and_kept(make, tf2, drive):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Memory from one estimate to the next."""
+"""What tracks predict of the objects of a later sweep."""
 
 from __future__ import annotations
 
