@@ -7,15 +7,13 @@ from collections.abc import Iterator
 from typing import Final
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.environment import advice_on_lost_clouds
-from mnsf_ros.node.raw_topics import RawTopics, cloud_topics, other_types
+from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import Report
 from mnsf_ros.node.sweep_input import SweepInput
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
 # Nodes need a while to find each other.
-_SEARCH_S: Final = 5.0
 _SILENCE_S: Final = 10.0
 _SPIN_S: Final = 0.1
 
@@ -35,7 +33,6 @@ def live_sweeps(
         source = SweepInput(
             ros.node, settings, report, lambda sweep, _: found.append((sweep, source.num_parts))
         )
-        _wait_for_publisher(ros, topic)
         end_s, is_silent = time.monotonic() + _SILENCE_S, True
         while time.monotonic() < end_s:
             ros.spin_for(_SPIN_S)
@@ -44,21 +41,9 @@ def live_sweeps(
             while found:
                 yield found.popleft()
             source.refresh()
+        cause = source.silence
     if is_silent:
         raise SettingsError(
-            f"{topic}: it is published, but no cloud that can be used came within "
-            f"{_SILENCE_S:g} s; {advice_on_lost_clouds()}"
+            f"{topic}: no such recording, and no cloud came on this topic within "
+            f"{_SILENCE_S:g} s; {cause}"
         )
-
-
-def _wait_for_publisher(ros: RawTopics, topic: str) -> None:
-    end_s = time.monotonic() + _SEARCH_S
-    while topic not in (known := cloud_topics(ros.node)):
-        if time.monotonic() > end_s:
-            others = other_types(ros.node, [topic])
-            topics = ", ".join(known) or "none (see ROS_DOMAIN_ID)"
-            raise SettingsError(
-                f"{topic}: no such recording, and no such topic is published, as seen in "
-                f"{_SEARCH_S:g} s; {'; '.join([*others, f'PointCloud2 topics: {topics}'])}"
-            )
-        ros.spin_for(_SPIN_S)

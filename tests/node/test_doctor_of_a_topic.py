@@ -43,9 +43,9 @@ def test_a_live_topic_is_described_as_its_recording(street, capsys):
 def test_another_topic_names_those_that_are_there(street, capsys):
     assert doctor("/truth/odometry") == EXIT_USAGE
     said = capsys.readouterr().err
-    assert "/truth/odometry is a nav_msgs/msg/Odometry; PointCloud2 topics: /points" in said
+    assert "/truth/odometry is a nav_msgs/msg/Odometry; clouds are on /points" in said
 
 
 def test_without_a_lidar_it_ends_with_the_reason(own_domain, capsys):
     assert doctor("/points") == EXIT_USAGE
-    assert "PointCloud2 topics: none (see ROS_DOMAIN_ID)" in capsys.readouterr().err
+    assert "no clouds are published, see ROS_DOMAIN_ID" in capsys.readouterr().err
