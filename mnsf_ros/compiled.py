@@ -6,8 +6,8 @@ import inspect
 import logging
 import os
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar, cast
@@ -17,6 +17,7 @@ from numba.core import config
 
 _LOG = logging.getLogger(__name__)
 Function = TypeVar("Function", bound=Callable[..., object])
+_postponed: list[tuple[str, Callable[[], bool]]] | None = None
 
 
 def compiled(*signatures: str) -> Callable[[Function], Function]:
@@ -40,14 +41,34 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
         if config.DISABLE_JIT:  # type: ignore[attr-defined]
             return function
         dispatcher = _dispatcher(function)
-        for signature in signatures:
-            dispatcher.compile(signature)
-        dispatcher.disable_compile()
-        if dispatcher.stats.cache_misses:
+
+        def finish() -> bool:
+            for signature in signatures:
+                dispatcher.compile(signature)
+            dispatcher.disable_compile()
+            return bool(dispatcher.stats.cache_misses)
+
+        if _postponed is not None:
+            _postponed.append((inspect.getfile(function), finish))
+        elif finish():
             _announce()
         return cast(Function, dispatcher)
 
     return compile_
+
+
+@contextmanager
+def postponed() -> Iterator[list[tuple[str, Callable[[], bool]]]]:
+    """Compiles nothing meanwhile; yields a list that gets the file of each function, and its rest.
+
+    That compiles it and returns whether it had to, as no machine code was on disk.
+    """
+    global _postponed  # noqa: PLW0603 - decorators have no other argument
+    _postponed = []
+    try:
+        yield _postponed
+    finally:
+        _postponed = None
 
 
 def _dispatcher(function: Callable[..., object]) -> Any:  # noqa: ANN401 - a class of Numba

@@ -3,6 +3,7 @@
 
 import importlib
 import re
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,6 +14,7 @@ from packaging.utils import canonicalize_name
 from ruamel.yaml import YAML
 
 import mnsf_ros
+from mnsf_ros.cli.evaluation import new_folder
 from mnsf_ros.cli.parameters import TITLES
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings
@@ -52,6 +54,14 @@ def test_recipe_for_ros_installs_every_requirement(requirements) -> None:
     assert names_of(requirements[""]) - installed == {"setuptools", "backports-zstd"}
 
 
+def test_pixi_has_the_packages_of_ros_that_package_xml_names() -> None:
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    keys = [element.text.replace("_", "-") for element in package.iter("exec_depend")]
+    wanted = {f"ros-jazzy-{key}" for key in keys if not key.startswith("python3-")}
+    names = re.findall(r"^(ros-\S+) = ", (ROOT / "pixi.toml").read_text(), re.MULTILINE)
+    assert {*names} == wanted
+
+
 def test_hard_requirements_exclude_ros_and_pytorch(requirements) -> None:
     """Wheels of ROS would shadow an installed ROS; PyTorch is gigabytes, and `online` has none."""
     assert not [name for name in names_of(requirements[""]) if name.startswith(("ros-", "torch"))]
@@ -70,6 +80,15 @@ def test_each_requirement_has_a_pin_that_it_allows(requirements) -> None:
         ]
         assert versions or wanted.name == "setuptools", wanted
         assert all(wanted.specifier.contains(version) for version in versions), wanted
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs a checkout")
+def test_git_ignores_results_without_a_name_of_the_user():
+    names = [str(new_folder([Path("street"), Path("other")])), "tuned", "study_frames"]
+    paths = [f"{name}/rows.jsonl" for name in names]
+    command = ["git", "check-ignore", "--no-index", *paths]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == paths
 
 
 @pytest.mark.parametrize("name", PRESET_NAMES)

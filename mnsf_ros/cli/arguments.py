@@ -17,6 +17,10 @@ RESUME = "continue an interrupted run: repeat the command and add --resume"
 FORCE = "overwrite an existing recording"
 # Of declared settings without a unit in their name.
 _METAVARS = {int: "N", float: "X", str: "NAME"}
+_PRESETS = (
+    "online: the node's; mnsf: the paper's networks, live; paper: MNSF as published, slow; "
+    "authors: MNSF as in its authors' code"
+)
 Declared = TypeVar("Declared")
 
 
@@ -80,9 +84,9 @@ class Arguments:
             name = f"--{setting.name.replace('_', '-')} {metavar}"
             self.value(name, setting.text, default=defaults.get(setting.name, setting.default))
 
-    def recordings(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
-        """Adds an argument or option with recordings, which must be there, as for `value`."""
-        self.value(name, text, existing, **others)
+    def existing(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
+        """Adds an argument or option with paths, which must be there, as for `value`."""
+        self.value(name, text, existing_path, **others)
 
     def points(self) -> None:
         """Adds `--points`, the topic of the sweeps."""
@@ -92,15 +96,13 @@ class Arguments:
         """Adds `--method`, the name of one method."""
         self.value("--method NAME", "see docs/evaluation.md (default: method.name of the preset)")
 
+    def preset(self, text: str, default: str) -> None:
+        """Adds `--preset`, the name of a preset, with its default."""
+        self.value("--preset", f"{text}. {_PRESETS}", default=default, choices=PRESET_NAMES)
+
     def settings(self, default: str = "paper") -> None:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
-        self.value(
-            "--preset",
-            "settings to start from, except for online, which has its own: paper is the method as "
-            "published, authors its code, mnsf its live form, online the default of the node",
-            default=default,
-            choices=PRESET_NAMES,
-        )
+        self.preset("settings to start from; the method online always has its own", default)
         self.assignments("change a setting, for example crop.max_range_m=35; may be repeated")
 
     def assignments(self, text: str) -> None:
@@ -150,7 +152,7 @@ def number_within(least: float, most: float) -> Callable[[str], float]:
     return number
 
 
-def existing(text: str) -> Path:
+def existing_path(text: str) -> Path:
     """Returns the path of a file or folder.
 
     Raises:

@@ -7,14 +7,16 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.cli.arguments import Arguments, chosen_settings, existing, number_within
+from mnsf_ros.cli.arguments import Arguments, chosen_settings, existing_path, number_within
 from mnsf_ros.cli.console import Console, counting_progress
-from mnsf_ros.evaluation.examination import Examination, Examiner, examined
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.input_check.finding import Severity
 from mnsf_ros.settings import Settings
+
+if TYPE_CHECKING:
+    from mnsf_ros.evaluation.examination import Examination
 
 EXIT_FINDINGS: Final = 1
 _MARKS: Final = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
@@ -44,9 +46,11 @@ def add_doctor(arguments: Arguments) -> str:
 
 def run_doctor(options: argparse.Namespace) -> int:
     """Prints the examination; returns the exit status."""
+    from mnsf_ros.evaluation.examination import examined
+
     settings, path = chosen_settings(options), Path(options.source)
     if path.exists() or not _TOPIC.fullmatch(options.source):
-        paths = [existing(options.source)]
+        paths = [existing_path(options.source)]
         (recording,) = chosen_recordings(paths, options.points, options.odometry)
         about = {"recording": recording.path, "points": recording.points}
         found = examined(recording, settings, options.duration_s)
@@ -62,10 +66,11 @@ def run_doctor(options: argparse.Namespace) -> int:
 
 def _examined_topic(
     topic: str, odometry: str | None, settings: Settings, duration_s: float
-) -> Examination:
+) -> "Examination":
     from mnsf_ros.node.environment import prepare_environment
 
     prepare_environment(is_node=True)
+    from mnsf_ros.evaluation.examination import Examiner
     from mnsf_ros.node.live_sweeps import live_sweeps
 
     if odometry is not None:
@@ -85,7 +90,7 @@ def _examined_topic(
     return examiner.examination({"topic": topic, "poses": odometry or "none"}, notes)
 
 
-def _print_text(found: Examination) -> None:
+def _print_text(found: "Examination") -> None:
     console = Console()
     width = max(map(len, found.facts), default=0)
     for name, text in found.facts.items():
@@ -102,7 +107,7 @@ def _print_text(found: Examination) -> None:
         console.say(f"read: {note}")
 
 
-def _print_json(about: Mapping[str, str], found: Examination) -> None:
+def _print_json(about: Mapping[str, str], found: "Examination") -> None:
     findings = [
         {
             "severity": _MARKS[one.severity],

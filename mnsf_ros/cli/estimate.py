@@ -7,16 +7,14 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.estimated_recording import write_estimated
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.stream.stream import Stream
 
 
 def add_estimate(arguments: Arguments) -> str:
     """Declares the arguments of `mnsf estimate`."""
-    arguments.recordings("bag", "recording")
+    arguments.existing("bag", "recording")
     arguments.value(
         "--out OUT", "recording to write: a folder, or a file *.mcap", Path, required=True
     )
@@ -43,6 +41,9 @@ def run_estimate(options: argparse.Namespace) -> None:
     if source == target or source in target.parents or target in source.parents:
         raise RecordingError(f"{options.out}: is the recording that is read; --out is another path")
     check_target(options.out, overwrite=options.force)
+    from mnsf_ros.evaluation.estimated_recording import write_estimated
+    from mnsf_ros.stream.stream import Stream
+
     console = Console(stderr=True)
     with open_recording(options.bag, console.warn) as reader:
         topics = used_topics(options.bag, reader.topics, options.points, options.odometry)

@@ -11,8 +11,6 @@ from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
-from mnsf_ros.report.explanation import explain
-from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Of a header with 32 bits of seconds.
 _MAX_STAMP_S = 2**32
@@ -26,8 +24,8 @@ The report of an evaluation lists the worst missed movers with stamp and place.
 
 def add_explain(arguments: Arguments) -> str:
     """Declares the arguments."""
-    arguments.recordings("bag BAG", "recording")
-    arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
+    arguments.existing("bag BAG", "recording")
+    arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_s, required=True)
     arguments.value(
         "--at X,Y",
         "place in metres, sensor frame; with = where X is negative: --at=-5,2",
@@ -42,12 +40,12 @@ def add_explain(arguments: Arguments) -> str:
     return _EPILOG
 
 
-def _stamp_ns(text: str) -> int:
+def _stamp_s(text: str) -> Decimal:
     # Not a float: it has too few digits for nanoseconds since 1970.
     with suppress(ArithmeticError):
         seconds = Decimal(text)
         if 0 <= seconds < _MAX_STAMP_S:
-            return round(seconds * NANOSECONDS)
+            return seconds
     raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds since 1970")
 
 
@@ -61,10 +59,13 @@ def _place(text: str) -> tuple[float, float]:
 
 def run_explain(options: argparse.Namespace) -> None:
     """Prints the decision."""
+    from mnsf_ros.report.explanation import explain
+    from mnsf_ros.sweeps.sweep import NANOSECONDS
+
     (recording,) = chosen_recordings([options.bag], options.points, options.odometry)
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
-    place = options.stamp, options.at
+    place = round(options.stamp * NANOSECONDS), options.at
     lines, picture = explain(recording, evaluation, *place, options.method or "")
     for line in lines:
         console.say(line)

@@ -22,8 +22,9 @@ from mnsf_ros.errors import MnsfError, is_caused_by
 
 # Name to summary and module, in the order of the help. The module of a command NAME has `add_NAME`,
 # which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
-# returns the exit status, or None for 0. It is imported for this command alone.
-_COMMANDS: Final = {
+# returns the exit status, or None for 0. It is imported for this command alone, and imports what
+# takes long only when it runs: wrong arguments are said at once.
+COMMANDS: Final = {
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
     "doctor": (
@@ -113,7 +114,7 @@ def run(arguments: list[str] | None = None) -> int:
 
 def _parsed(arguments: list[str]) -> argparse.Namespace:
     name = next(iter(arguments), "")
-    if name not in _COMMANDS:
+    if name not in COMMANDS:
         overview = _overview()
         if not arguments:
             overview.print_help(sys.stderr)
@@ -122,7 +123,7 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
             overview.error(_unknown(name))
         # Shows the help or the version, or what is wrong.
         return overview.parse_args(arguments)
-    summary, module = _COMMANDS[name]
+    summary, module = COMMANDS[name]
     parser = Parser(
         prog=f"mnsf {name}",
         description=f"{summary[0].upper()}{summary[1:]}.",
@@ -139,13 +140,13 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
 
 def _unknown(name: str) -> str:
     """Says that a command is not known, and which ones are like it."""
-    alike = get_close_matches(name, _COMMANDS, n=1)
-    hint = f"did you mean {alike[0]}?" if alike else f"expected one of {', '.join(_COMMANDS)}"
+    alike = get_close_matches(name, COMMANDS, n=1)
+    hint = f"did you mean {alike[0]}?" if alike else f"expected one of {', '.join(COMMANDS)}"
     return f"no command {name!r}; {hint}"
 
 
 def _overview() -> Parser:
-    lines = "\n".join(f"  {name:<12}{summary}" for name, (summary, _) in _COMMANDS.items())
+    lines = "\n".join(f"  {name:<12}{summary}" for name, (summary, _) in COMMANDS.items())
     parser = Parser(
         prog="mnsf",
         usage="%(prog)s COMMAND ...",
@@ -154,7 +155,7 @@ def _overview() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    parser.add_argument("command", choices=_COMMANDS, metavar="COMMAND", help="see below")
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="see below")
     return parser
 
 

@@ -21,7 +21,7 @@ TITLES = {
 
 def add_parameters(arguments: Arguments) -> None:
     """Declares the arguments."""
-    arguments.value("--preset", "preset to print", default="online", choices=PRESET_NAMES)
+    arguments.preset("settings to print", "online")
     arguments.value(
         "--format",
         "yaml: a ROS parameter file; markdown: the table of docs/parameters.md, all presets",

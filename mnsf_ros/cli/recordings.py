@@ -9,13 +9,11 @@ from typing import Final
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen, number_within
 from mnsf_ros.cli.console import Console, counting_progress
-from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
-from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
+from mnsf_ros.datasets.formats import FORMATS, TruthSettings
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
-from mnsf_ros.simulation.recording import write_recording as write_simulation
 from mnsf_ros.simulation.settings import SimulationSettings
 
 # Of playing, to that of the recording.
@@ -34,13 +32,15 @@ def run_simulate(options: argparse.Namespace) -> None:
     """Writes a simulated street."""
     settings, console = chosen(options, SimulationSettings), Console()
     check_target(options.out, overwrite=options.force)
+    from mnsf_ros.simulation.recording import write_recording
+
     with counting_progress(console) as progress:
-        task = progress.add_task("simulating a street", total=None)
+        task = progress.add_task(f"simulating the scenario {settings.scenario}", total=None)
 
         def show(num_done: int, num_sweeps: int) -> None:
             progress.update(task, completed=num_done, total=num_sweeps)
 
-        simulator = write_simulation(
+        simulator = write_recording(
             settings, options.out, show, overwrite=options.force, nav2=options.nav2
         )
     console.say(simulator.scene.text)
@@ -54,7 +54,7 @@ def add_convert(arguments: Arguments) -> str:
     """Declares the arguments of `mnsf convert`."""
     arguments.value("format FORMAT", ", ".join(FORMATS), choices=FORMATS)
     source_text = "file or folder of the data set; see the list of formats below"
-    arguments.value("source SOURCE", source_text, Path)
+    arguments.existing("source SOURCE", source_text)
     arguments.value("out OUT", "folder to write, or a single file OUT.mcap", Path)
     arguments.flag("--force", FORCE)
     arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
@@ -75,6 +75,8 @@ def add_convert(arguments: Arguments) -> str:
 def run_convert(options: argparse.Namespace) -> None:
     """Writes a sequence of a data set."""
     check_target(options.out, overwrite=options.force)
+    from mnsf_ros.datasets.conversion import open_source, write_recording
+
     settings = TruthSettings(options.box_margin, options.unlabelled_static, options.official_labels)
     source = open_source(options.format, options.source, options.sequence)
     source = source.part(options.first, options.count)
@@ -96,7 +98,7 @@ def run_convert(options: argparse.Namespace) -> None:
 
 def add_play(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf play`."""
-    arguments.recordings("bag", "recording, of ROS 1 or ROS 2")
+    arguments.existing("bag", "recording, of ROS 1 or ROS 2")
     arguments.value("--topics TOPIC,...", "only these topics")
     arguments.value("--rate", "playback speed, 1 as recorded", RATE, 1.0)
     arguments.flag("--loop", "start again at the end")
@@ -115,12 +117,14 @@ def run_play(options: argparse.Namespace) -> None:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)
         total = sum(reader.topics[topic].count for topic in topics or reader.topics)
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        text = f"playing {options.bag} on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}"
+        bar = counting_progress(console)
+        if options.loop:  # A bar would never end.
+            console.say(f"{text}, again and again")
+            bar.disable = True
         # Ctrl-C is no failure, also for ros2 launch.
-        with suppress(KeyboardInterrupt), counting_progress(console) as progress:
-            task = progress.add_task(
-                f"playing on ROS domain {domain}", total=None if options.loop else total
-            )
+        with suppress(KeyboardInterrupt), bar as progress:
+            task = progress.add_task(text, total=total)
             play(
                 reader,
                 lambda number: progress.update(task, completed=number),

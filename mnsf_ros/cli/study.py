@@ -8,8 +8,7 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.studies import study as studies
-from mnsf_ros.studies.study import STUDIES, CaseStudySettings, StudyOptions
+from mnsf_ros.studies.settings import STUDIES, CaseStudySettings
 
 _EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, (_, text) in STUDIES.items())
 
@@ -17,7 +16,7 @@ _EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, (_, text) in
 def add_study(arguments: Arguments) -> str:
     """Declares the arguments."""
     arguments.value("name NAME", "study, see below", choices=STUDIES)
-    arguments.recordings("bags BAG", "recordings", nargs="+")
+    arguments.existing("bags BAG", "recordings", nargs="+")
     arguments.value("--out DIR", "folder for results (default: study_NAME)", Path)
     arguments.flag("--resume", RESUME)
     arguments.settings()
@@ -32,6 +31,9 @@ def add_study(arguments: Arguments) -> str:
 
 def run_study(options: argparse.Namespace) -> None:
     """Runs a study, and prints its tables."""
+    from mnsf_ros.studies.study import StudyOptions
+    from mnsf_ros.studies.study import run_study as run
+
     console = Console()
     study = StudyOptions(
         out=options.out or Path(f"study_{options.name}"),
@@ -42,7 +44,7 @@ def run_study(options: argparse.Namespace) -> None:
         say=console.say,
         case=chosen(options, CaseStudySettings),
     )
-    result, paths = studies.run_study(options.name, study)
+    result, paths = run(options.name, study)
     for table in result.tables:
         console.print(table)
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):

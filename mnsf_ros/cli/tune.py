@@ -13,7 +13,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import parse_assignments
-from mnsf_ros.tuning.tune import TuneOptions, check_optuna, tune
+from mnsf_ros.tuning.options import TuneOptions
 
 _EPILOG = """\
 Settings are chosen on the first half of each recording and judged on the second, on
@@ -30,7 +30,7 @@ trials, for --resume).
 
 def add_tune(arguments: Arguments) -> str:
     """Declares the arguments."""
-    arguments.value("bags BAG", "recordings", Path, nargs="+")
+    arguments.existing("bags BAG", "recordings", nargs="+")
     arguments.value("--out DIR", "folder for results", Path, default=Path("tuned"))
     arguments.flag("--resume", RESUME)
     arguments.assignments("set a parameter, which is then not tuned; may be repeated")
@@ -43,6 +43,8 @@ def add_tune(arguments: Arguments) -> str:
 
 def run_tune(options: argparse.Namespace) -> None:
     """Tunes with a bar; on Ctrl-C names the way to continue."""
+    from mnsf_ros.tuning.tune import check_optuna, tune
+
     check_optuna()
     start = preset("online").changed(parse_assignments(options.assignments))
     if start.method.name != "online":

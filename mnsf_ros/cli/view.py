@@ -7,17 +7,16 @@ from contextlib import suppress
 from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.recordings import RATE
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.view.page_server import PageServer
 
 
 def add_view(arguments: Arguments) -> None:
     """Declares the arguments."""
-    arguments.recordings("bag", "recording; without it, the running node is shown", nargs="?")
+    arguments.existing("bag", "recording; without it, the running node is shown", nargs="?")
     arguments.points()
-    arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
+    arguments.preset("settings for a recording", "online")
     arguments.value("--rate", "playback speed, 1 as recorded", RATE, 1.0)
     arguments.value("--node", "full name of the node", default="/scene_flow")
     arguments.value("--flow TOPIC", "its flow, if that has another name than ~/flow")
@@ -36,6 +35,7 @@ def run_view(options: argparse.Namespace) -> None:
 
 
 def _show_recording(options: argparse.Namespace, console: Console) -> None:
+    from mnsf_ros.view.page_server import PageServer
     from mnsf_ros.view.recording_view import RecordingView
 
     with open_recording(options.bag, console.warn) as reader:
@@ -53,6 +53,7 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
 
     prepare_environment()
     from mnsf_ros.view.node_view import NodeView
+    from mnsf_ros.view.page_server import PageServer
 
     server = PageServer()
     with (

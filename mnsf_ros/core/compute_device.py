@@ -1,7 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Device, precision and threads of networks.
 
-PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
+PyTorch is imported only when it is needed: that takes seconds, and `online` does without it; NumPy
+only after its threads are chosen.
 """
 
 import os
@@ -9,14 +10,12 @@ from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import ComputeSettings
 
 if TYPE_CHECKING:
     import torch
+    from numpy.typing import NDArray
 
 # Instructions of x86 processors that multiply bfloat16, as `torch.cpu` names them.
 _CPU_BFLOAT16: Final = ("amx_bf16", "avx512_bf16")
@@ -76,8 +75,9 @@ def _computes_in_bfloat16(settings: ComputeSettings) -> bool:
     return any(capabilities.get(name) for name in _CPU_BFLOAT16)
 
 
-def on_device(array: NDArray[Any], device: "torch.device") -> "torch.Tensor":
+def on_device(array: "NDArray[Any]", device: "torch.device") -> "torch.Tensor":
     """Returns an array on a device; on the CPU it shares the memory if that can be written."""
+    import numpy as np
     import torch
 
     return torch.from_numpy(np.require(array, requirements="W")).to(device)
@@ -110,9 +110,12 @@ def node_threads() -> int:
 
 
 def let_threads_sleep(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Lets OpenMP's threads sleep while they wait, unless the user has set a policy.
+    """Lets no thread of PyTorch and NumPy spin while it waits, unless the user has chosen.
 
-    Those that spin are 50 times slower where other programs want the cores, and burn the core that
-    the ROS executor needs. PyTorch reads it when it is imported: programs call this before.
+    Those of OpenMP that spin are 50 times slower where other programs want the cores, and burn the
+    core that the ROS executor needs. For a product of (N, 3) points and a matrix, OpenBLAS wakes a
+    thread for each core: `mnsf simulate` takes twice the time with them. The libraries read this
+    when they are imported: programs call it before.
     """
     environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    environment.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,10 @@ class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
 
     OPEN = "not decided yet"
-    NO_OBJECT = "ground, too high, or outside the crop"
+    GROUND = "ground"
+    TOO_HIGH = "too high above the ground"
+    OUTSIDE_CROP = "outside the crop"
+    NO_OBJECT = "seen a second time in the same revolution"
     OWN_BODY = "the robot's own body"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
@@ -196,6 +200,18 @@ class SweepTerms:
     moving: Match | None
 
 
+class Leader(NamedTuple):
+    """The object that another one goes along with, because they touch and move alike.
+
+    Attributes:
+        place: (3,) metres, the middle of its points, sensor frame.
+        probability: How likely it moves.
+    """
+
+    place: NDArray[np.float32]
+    probability: float
+
+
 @dataclass(frozen=True, eq=False)
 class Reason:
     """Why an object was called dynamic or not.
@@ -209,6 +225,7 @@ class Reason:
         start: (3,) metres over ground until the next sweep, where the fit of its motion started.
         motion: (3,) metres, likewise, the fitted motion; None if none was searched.
         evidence: Name of further evidence to its value.
+        leader: What a dynamic object goes along with that is not dynamic by its own evidence.
     """
 
     verdict: Verdict
@@ -218,6 +235,7 @@ class Reason:
     start: NDArray[np.float64] | None = None
     motion: NDArray[np.float64] | None = None
     evidence: Mapping[str, float] = field(default_factory=dict)
+    leader: Leader | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +257,8 @@ class FlowEstimate:
             that have none.
         over_ground: Motion without the ego motion, of methods that estimate it.
         num_left_out: Suspects beyond the limit of the settings, which count as static.
-        num_own: Points on the robot's own body; their flow is 0.
-        own_reach_m: Distance of the farthest of them; 0 without any.
+        own_body: (B, 3) float32, metres, sensor frame, the points on the robot's own body; their
+            flow is 0.
         effort: How much of it was done.
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
@@ -255,8 +273,9 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
-    num_own: int = 0
-    own_reach_m: float = 0.0
+    own_body: NDArray[np.float32] = field(
+        default_factory=lambda: np.zeros((0, 3), np.float32), repr=False
+    )
     effort: Effort = Effort.FULL
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
 
@@ -275,6 +294,12 @@ class FlowEstimate:
     def time_ms(self) -> float:
         """Wall time of the whole estimate."""
         return sum(self.times_ms.values())
+
+    @property
+    def own_body_text(self) -> str:
+        """Number and reach of the points on the own body."""
+        reach_m = np.linalg.norm(self.own_body, axis=1).max(initial=0.0)
+        return f"{len(self.own_body)} points" + (f" within {reach_m:.1f} m" if reach_m else "")
 
     @property
     def stop_reasons(self) -> dict[str, str]:

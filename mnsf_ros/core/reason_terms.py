@@ -22,7 +22,9 @@ _RADIUS_M: Final = 0.5
 _FARTHEST_M: Final = 2.0
 # Parameters that change a verdict.
 _SETTINGS: Final = {
-    Verdict.NO_OBJECT: "see the parameters crop.*, ground.* and objects.max_height_m",
+    Verdict.GROUND: "a lower ground.margin_m leaves less",
+    Verdict.TOO_HIGH: "the parameter objects.max_height_m is the limit",
+    Verdict.OUTSIDE_CROP: "see the parameters crop.*",
     Verdict.OWN_BODY: "see the parameter crop.own_body",
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
     Verdict.TOO_LARGE: "the parameter objects.max_size_m is the limit",
@@ -94,17 +96,38 @@ def reason_terms(
     """
     reason, known = reason_for(estimate, rows), estimate.over_ground
     middle = ", ".join(f"{value:.2f}" for value in np.median(xyz[rows], axis=0))
-    num_called = 0 if known is None else int(np.count_nonzero(known.dynamic[rows]))
-    hint = _SETTINGS.get(reason.verdict)
-    verdict = reason.verdict.value
-    if num_called and reason.verdict is not Verdict.DYNAMIC:
-        verdict += ", but it joined a mover beside it"
+    called = rows[:0] if known is None else rows[known.dynamic[rows]]
     terms = {
         "Place": f"{len(rows)} points around ({middle}) m",
-        "Called dynamic": f"{num_called} of {len(rows)} points",
-        "Reason": f"{verdict}{f' ({hint})' if hint else ''}",
+        "Called dynamic": f"{len(called)} of {len(rows)} points",
+        "Reason": _verdict_text(reason, _object_of(estimate, called)),
     }
     return terms | dict(_object_terms(reason, interval_s or USUAL_INTERVAL_S))
+
+
+def _object_of(estimate: FlowEstimate, called: NDArray[np.int64]) -> str:
+    """The tracked object of most of the rows (M,) that are called dynamic; empty without rows."""
+    if len(called) == 0:
+        return ""
+    known = estimate.over_ground
+    if known is None or known.track_ids is None or not known.track_ids[called].any():
+        return "a mover beside it"
+    ids = known.track_ids[called]
+    return f"object {np.bincount(ids[ids > 0]).argmax()}"
+
+
+def _verdict_text(reason: Reason, mover: str) -> str:
+    """The outcome, with the `mover` that the points belong to if they are called dynamic."""
+    if reason.leader is not None:
+        x, y, _ = reason.leader.place
+        return (
+            f"goes along with what touches it at ({x:.1f}, {y:.1f}) m and is dynamic with "
+            f"probability {reason.leader.probability:.3g}; both are {mover}"
+        )
+    if mover and reason.verdict is not Verdict.DYNAMIC:
+        return f"{reason.verdict.value}, but goes along with {mover}"
+    hint = _SETTINGS.get(reason.verdict)
+    return f"{reason.verdict.value}{f' ({hint})' if hint else ''}"
 
 
 def _object_terms(reason: Reason, interval_s: float) -> Iterator[tuple[str, str]]:

@@ -5,48 +5,17 @@ Each opener raises a DatasetError if a needed file is missing or damaged; so doe
 sweeps.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from pkgutil import resolve_name
 
-from mnsf_ros.datasets import argoverse1, argoverse2
-from mnsf_ros.datasets.kitti import open_drive
+from mnsf_ros.datasets.formats import FORMATS, TruthSettings
 from mnsf_ros.datasets.labelled_sweep import SweepSource
-from mnsf_ros.datasets.npz import open_sweeps, open_triplets
-from mnsf_ros.datasets.nuscenes import open_scene
-from mnsf_ros.datasets.open_scene_flow import open_file
-from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
-from mnsf_ros.datasets.waymo import open_segment
+from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth, TrueSweep
-
-
-class Format(NamedTuple):
-    """Function that opens a source, its description, and whether it may hold several sequences."""
-
-    open: Callable[..., SweepSource]
-    source: str
-    has_sequences: bool = False
-
-
-_NOT_RUN: Final = " (not run on foreign files)"
-
-FORMATS: Final[Mapping[str, Format]] = {
-    "kitti": Format(open_drive, "KITTI raw: folder of a drive, …_sync"),
-    "argoverse2": Format(argoverse2.open_log, "Argoverse 2 sensor: folder of a log"),
-    "argoverse1": Format(argoverse1.open_log, f"Argoverse 1 tracking: folder of a log{_NOT_RUN}"),
-    "waymo": Format(
-        open_segment, "Waymo Open v2: folder with lidar, lidar_pose, …" + _NOT_RUN, True
-    ),
-    "nuscenes": Format(open_scene, "nuScenes: folder with sweeps, samples, v1.0-…", True),
-    "opensceneflow": Format(open_file, f"OpenSceneFlow: .h5 file{_NOT_RUN}"),
-    "triplets": Format(
-        open_triplets, "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
-    ),
-    "sweeps": Format(open_sweeps, "folder of npz sweeps, see docs/recordings.md"),
-}
 
 
 def open_source(name: str, source: Path, sequence: str | None = None) -> SweepSource:
@@ -57,11 +26,12 @@ def open_source(name: str, source: Path, sequence: str | None = None) -> SweepSo
     Raises:
         DatasetError: The format has no sequences, or a needed file is missing or damaged.
     """
-    if sequence is None:
-        return FORMATS[name].open(source)
-    if not FORMATS[name].has_sequences:
+    if sequence is not None and not FORMATS[name].has_sequences:
         raise DatasetError(f"format {name!r} takes no sequence")
-    return FORMATS[name].open(source, sequence)
+    opened: SweepSource = resolve_name(f"mnsf_ros.datasets.{FORMATS[name].opener}")(
+        source, *filter(None, [sequence])
+    )
+    return opened
 
 
 @dataclass

@@ -4,12 +4,13 @@
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 from mnsf_ros.geometry.transforms import apply, invert
@@ -18,24 +19,6 @@ from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.ground_surface import ground_mask
 
 _OFFICIAL_GROWTH_M = np.array([0.2, 0.2, 0.0])
-
-
-@dataclass(frozen=True)
-class TruthSettings:
-    """Settings of the truth.
-
-    Attributes:
-        box_margin_m: Growth of the boxes in length, width and height, metres. The default is that
-            of the data sets prepared for NSFP, FNSF and MNSF.
-        unlabelled_static: Whether points outside the labelled area are static instead of unknown.
-        official: Whether points belong to boxes as in the official labels of Argoverse 2 (av2-api
-            01e6d958, `Flow.from_sweep_pair`) instead, see `official_box_of_points`; the flow to a
-            hidden box is unknown.
-    """
-
-    box_margin_m: float = 0.6
-    unlabelled_static: bool = False
-    official: bool = False
 
 
 def sweep_truth(

@@ -13,6 +13,10 @@ Color = tuple[float, float, float]
 
 # Colours are full from this speed on.
 FULL_COLOR_M_S: Final = 5.0
+# Errors have their full colour from here on, metres a sweep.
+FULL_ERROR_M: Final = 0.3
+# From no error over a large one to an outlier.
+_ERROR_RAMP: Final = np.array([[52, 58, 72], [226, 176, 44], [255, 58, 40]], np.float64)
 # RGB of static points.
 SLOW: Final[Color] = (0.36, 0.38, 0.42)
 
@@ -71,6 +75,12 @@ def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[
     From `full_length_m` on, metres above 0, the colour is full.
     """
     return _looked_up(np.ascontiguousarray(motion), np.float32(1 / full_length_m), _TABLE)
+
+
+def error_colors_rgb(errors_m: NDArray[Any]) -> NDArray[np.float64]:
+    """Returns (N, 3) RGB, each 0 to 255, of errors (N,) in metres; that of no error for NaN."""
+    place = np.nan_to_num(np.clip(errors_m / FULL_ERROR_M, 0.0, 1.0)) * 2
+    return np.column_stack([np.interp(place, (0, 1, 2), ramp) for ramp in _ERROR_RAMP.T])
 
 
 def object_color(number: int) -> Color:

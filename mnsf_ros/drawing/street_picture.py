@@ -5,14 +5,19 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mnsf_ros.drawing.color_wheel import packed_colors, wheel_image
+from mnsf_ros.drawing.color_wheel import (
+    FULL_ERROR_M,
+    error_colors_rgb,
+    packed_colors,
+    wheel_image,
+)
 
 # Of a picture, which stands beside another one.
 _WIDTH_PX: Final = 560
@@ -33,22 +38,32 @@ _GROUND_M: Final = -1.8  # about so far below the lidar of a car
 _STATIC_PX: Final = 2
 _MOVING_PX: Final = 4
 _WHEEL_PX: Final = 50
+# Of the picture from above: half of its sides, brightness of points without error, the sensor.
+ABOVE_M: Final = 50.0
+_UNKNOWN: Final = 0.5
+_ARROW_PX: Final = ((0, -6), (4, 5), (0, 2), (-4, 5))
 
 
 def frame(
-    xyz: NDArray[np.float32], velocities: Sequence[NDArray[np.float32]], full_speed_m_s: float
+    xyz: NDArray[np.float32],
+    velocities: Sequence[NDArray[np.float32]],
+    full_speed_m_s: float,
+    errors_m: NDArray[np.floating[Any]] | None = None,
 ) -> bytes:
-    """Draws a sweep once for each of some velocities, side by side.
+    """Draws a sweep once for each of some velocities, and its errors from above, side by side.
 
     Args:
         xyz: (N, 3) metres, sensor frame, x forward.
         velocities: Each (N, 3) metres per second over ground; static points are grey.
         full_speed_m_s: Speed of the full colour.
+        errors_m: (N,) metres, NaN where unknown; None: are not drawn.
 
     Returns:
         A PNG file.
     """
+    above = [] if errors_m is None else [_from_above(xyz, errors_m)]
     width = len(velocities) * (_WIDTH_PX + _GAP_PX) - _GAP_PX
+    width += len(above) * (_HEIGHT_PX + _GAP_PX)
     whole = Image.new("RGB", (width, _HEIGHT_PX), _GAP_COLOR)
     for place, velocity in enumerate(velocities):
         image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
@@ -56,9 +71,30 @@ def frame(
         image = image.resize((_WIDTH_PX, _HEIGHT_PX), Image.Resampling.BOX)
         _draw_legend(image, full_speed_m_s)
         whole.paste(image, (place * (_WIDTH_PX + _GAP_PX), 0))
+    for image in above:
+        whole.paste(image, (width - _HEIGHT_PX, 0))
     content = io.BytesIO()
     whole.save(content, "PNG")
     return content.getvalue()
+
+
+def _from_above(xyz: NDArray[np.float32], errors_m: NDArray[np.floating[Any]]) -> Image.Image:
+    """A square picture, ahead is up, the largest errors on top, unknown ones darker."""
+    canvas = np.empty((_SCALE * _HEIGHT_PX, _SCALE * _HEIGHT_PX, 3), np.uint8)
+    canvas[:] = _BACKGROUND
+    pixels_per_m = _SCALE * _HEIGHT_PX / (2 * ABOVE_M)
+    pixels = _SCALE * _HEIGHT_PX / 2 - pixels_per_m * xyz[:, 1::-1].astype(np.float64)
+    known = np.isfinite(errors_m)
+    colors = error_colors_rgb(errors_m) * np.where(known, 1.0, _UNKNOWN)[:, None]
+    order = np.argsort(np.where(known, errors_m, -1.0), kind="stable")
+    is_large = errors_m[order] > FULL_ERROR_M / 2
+    for rows, size in ((order[~is_large], _STATIC_PX), (order[is_large], 2 * _MOVING_PX)):
+        _splat(canvas, pixels[rows].astype(np.int64), colors[rows].astype(np.uint8), size)
+    image = Image.fromarray(canvas).resize((_HEIGHT_PX, _HEIGHT_PX), Image.Resampling.BOX)
+    middle = _HEIGHT_PX / 2
+    arrow = [(middle + across, middle + ahead) for across, ahead in _ARROW_PX]
+    ImageDraw.Draw(image).polygon(arrow, fill=_INK)
+    return image
 
 
 def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -11,6 +11,7 @@ from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
@@ -67,8 +68,9 @@ class Examiner:
         prepared = self._stream.prepare(self._stream.triplet)
         if isinstance(prepared.content, PreparedSweeps):
             current = prepared.content.of_triplet[-2]
-            pose, own = current.pose, (int(current.own.sum()), current.own_reach_m)
-            located = Located(current.sweep, pose.world_from_stamp, pose.source.value, *own)
+            sweep, pose = current.sweep, current.pose
+            own_body = chosen_points(sweep.xyz, current.own)
+            located = Located(sweep, pose.world_from_stamp, pose.source.value, own_body)
             self.check.locate(located)
 
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:

@@ -51,6 +51,11 @@ class LostBy(Enum):
     GATE = "gate"
     PARTLY = "found in part"
 
+    @classmethod
+    def of(cls, verdict: Verdict) -> "LostBy":
+        """Returns the stage with the name of a verdict; without one, there was no object."""
+        return cls.__members__.get(verdict.name, cls.NO_OBJECT)
+
 
 @dataclass(frozen=True)
 class ObjectRow:
@@ -233,7 +238,7 @@ def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:
     if reason.verdict is Verdict.DYNAMIC:
         return LostBy.PARTLY
     if reason.verdict not in (Verdict.NO_BETTER_MOTION, Verdict.REFUSED):
-        return LostBy[reason.verdict.name]
+        return LostBy.of(reason.verdict)
     if reason.motion is not None and np.linalg.norm(reason.motion - true_motion) <= _CLOSE_M:
         return LostBy.GATE
     has_started_well = (

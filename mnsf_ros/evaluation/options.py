@@ -6,10 +6,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 from mnsf_ros.core.compute_device import node_threads
-from mnsf_ros.core.scene_flow_estimator import MethodTraits
+from mnsf_ros.core.method_traits import MethodTraits
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.methods import make_method
 from mnsf_ros.setting import SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings
 
@@ -56,7 +55,7 @@ class EvaluationOptions:
         1,
         _LARGE,
     )
-    max_examples: int = declared(0, "use the first N examples of each recording; 0: all", 0, _LARGE)
+    max_examples: int = declared(0, "score at most N examples of each recording; 0: all", 0, _LARGE)
     seed: int = declared(0, "seed of everything random, of points and methods", 0, _LARGE)
     ground: str = declared(
         "truth",
@@ -131,6 +130,8 @@ def evaluated_methods(
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
+    from mnsf_ros.methods import make_method
+
     changes: dict[str, SettingValue] = {"compute.device": "cpu"} if is_remote else {}
     settings = options.settings.changed(changes)
     return [EvaluatedMethod(name, make_method(name, settings).traits) for name in names]

@@ -82,7 +82,7 @@ class Painter:
             frames = list(self._frames.values())
             images[ANIMATION] = _drawn(lambda: animation(frames, interval_s))
         for _, _, example, estimate in self._worst:
-            draw = partial(sweep_picture, example, estimate)
+            draw = partial(sweep_picture, example, estimate, with_errors=True)
             images[worst_name(example.number)] = _drawn(draw)
         for name, image in images.items():
             if image is not None:
@@ -94,8 +94,11 @@ def _drawn(draw: Callable[[], bytes]) -> bytes | None:
     return image if isinstance(image, bytes) else None
 
 
-def sweep_picture(example: Example, estimate: FlowEstimate) -> bytes:
-    """Returns all points of a sweep by the truth, if there is one, and by the estimate, as PNG."""
+def sweep_picture(example: Example, estimate: FlowEstimate, *, with_errors: bool = False) -> bytes:
+    """Returns all points of a sweep by the truth, if there is one, and by the estimate, as PNG.
+
+    `with_errors` adds their errors from above, if there is truth.
+    """
     truth, known = example.truth, estimate.over_ground
     interval_s = np.float32(example.triplet.interval_s or USUAL_INTERVAL_S)
     motions: list[NDArray[np.float32]] = []
@@ -104,7 +107,11 @@ def sweep_picture(example: Example, estimate: FlowEstimate) -> bytes:
         motions.append(np.where(truth.dynamic[:, None], own, np.float32(0.0)))
     motions.append(_own_motion(example, estimate.flow) if known is None else known.motion)
     velocities = [_without_slow(motion / interval_s) for motion in motions]
-    return frame(example.triplet.current.xyz, velocities, FULL_COLOR_M_S)
+    errors_m = None
+    if truth is not None and with_errors:
+        errors_m = np.linalg.norm(estimate.flow - truth.flow, axis=1)
+        errors_m[~truth.valid] = np.nan
+    return frame(example.triplet.current.xyz, velocities, FULL_COLOR_M_S, errors_m)
 
 
 def _own_motion(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -143,8 +143,7 @@ def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
           coming into view until found, or until out of view);
         * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection.
     """
-    rows = sorted(rows, key=lambda row: (row.recording, row.stamp_ns))
-    scored = [(row, row.movers) for row in rows if row.movers is not None]
+    scored = _scored(rows)
     if not scored:
         return {}
     right, wrong, missed = np.sum([movers.points for _, movers in scored], axis=0).tolist()
@@ -169,6 +168,34 @@ def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
     return found
 
 
+def missed_movers(rows: Iterable[ResultRow]) -> pd.DataFrame:
+    """Returns a line for each sweep in which a method did not find a mover.
+
+    The columns are the fields of `ObjectRow`, `recording`, `time_s`, and `is_counted`: whether
+    `found` of the groups `FAST` and `SLOW` counts it.
+    """
+    objects = _objects(_scored(rows))
+    moving = objects[objects["moves"]]
+    counted = [
+        _after_grace(moving.query(MOVER_GROUPS[name]), _FIRST_S.get(name, _USUAL_FIRST_S)).index
+        for name in (FAST, SLOW)
+    ]
+    moving = moving.assign(is_counted=moving.index.isin(np.concatenate(counted)))
+    return moving[~moving["is_found"]]
+
+
+def _scored(rows: Iterable[ResultRow]) -> list[tuple[ResultRow, MoverRow]]:
+    """The rows with movers, in their order in time."""
+    rows = sorted(rows, key=lambda row: (row.recording, row.stamp_ns))
+    return [(row, row.movers) for row in rows if row.movers is not None]
+
+
+def _after_grace(own: pd.DataFrame, first_s: float) -> pd.DataFrame:
+    """The lines of movers that have been in view for so long."""
+    begin_s = own.groupby("view")["time_s"].transform("min")
+    return own[own["time_s"] - begin_s >= first_s - _TINY_S]
+
+
 def _objects(scored: Sequence[tuple[ResultRow, MoverRow]]) -> pd.DataFrame:
     """A line for each object and sweep; `view` numbers the times that objects come into view."""
     lines = []
@@ -191,8 +218,7 @@ def _group_figures(own: pd.DataFrame, first_s: float) -> dict[str, float]:
     times_s = own.groupby("view")["time_s"].agg(["min", "max"])
     hits_s = own[own["is_found"]].groupby("view")["time_s"].agg(["min", "max"])
     hits_s = hits_s.reindex(times_s.index)
-    since_s = own["time_s"] - own["view"].map(times_s["min"])
-    late = own[since_s >= first_s - _TINY_S]
+    late = _after_grace(own, first_s)
     between = own["time_s"].between(own["view"].map(hits_s["min"]), own["view"].map(hits_s["max"]))
     return {
         "num_movers": len(times_s),

@@ -92,7 +92,7 @@ def _chosen(
     examples: Iterable[Example], task: EvaluationTask, options: EvaluationOptions
 ) -> Iterator[tuple[Example, bool]]:
     """The examples that have no row yet, and whether each is scored."""
-    for place, example in enumerate(islice(examples, options.max_examples or None)):
+    for place, example in enumerate(islice(examples, options.every * options.max_examples or None)):
         if example.number not in task.skipped:
             yield example, place % options.every == 0
 

@@ -4,6 +4,8 @@
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step
@@ -24,7 +26,9 @@ class OwnBody(Assumption):
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
-        self._number, self._reach_m = step.after.num_own, step.after.own_reach_m
+        own = step.after.own_body
+        self._number = len(own)
+        self._reach_m = float(np.linalg.norm(own, axis=1).max(initial=0.0))
         self._share = self._number / max(len(step.after.sweep), 1)
 
     def facts(self) -> dict[str, str]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Some points of a sweep, which all assumptions share: the check must cost little."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
@@ -84,23 +84,20 @@ class Located:
         sweep: All of it, with `odometry` if known.
         world_from_sensor: (4, 4) float64, at its stamp.
         source: The EgoSource of the pose.
-        num_own: Points on the robot's own body.
-        own_reach_m: Distance of the farthest of them.
+        own_body: (B, 3) float32, metres, points on the robot's own body.
     """
 
     sweep: Sweep
     world_from_sensor: NDArray[np.float64]
     source: str
-    num_own: int = 0
-    own_reach_m: float = 0.0
+    own_body: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
 
     @classmethod
     def by(cls, estimate: FlowEstimate, sweep: Sweep) -> "Located | None":
         """Returns it as known by the estimate of the sweep; None if that has no pose."""
         if (known := estimate.over_ground) is None:
             return None
-        pose = known.world_from_sensor
-        return cls(sweep, pose, known.source, estimate.num_own, estimate.own_reach_m)
+        return cls(sweep, known.world_from_sensor, known.source, estimate.own_body)
 
 
 @dataclass(frozen=True, eq=False)

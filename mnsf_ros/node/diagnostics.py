@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
+from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node.node_log import FaultLog
@@ -25,6 +25,7 @@ from mnsf_ros.stream.pipeline import (
     TRIPLETS_UNWATCHED,
     StatisticsSnapshot,
 )
+from mnsf_ros.sweeps.kept_points import boxes_around
 from mnsf_ros.sweeps.sweep import Start
 
 CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
@@ -295,7 +296,8 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
         "distance": newest.distance_kind,
         "precision": newest.precision,
         "start": newest.start.value,
-        "own body": _own_body(newest),
+        "own body": newest.own_body_text,
+        "own body boxes": boxes_around(newest.own_body),
         "cold starts, recent": sum(item.start is not Start.WARM for item in estimates),
         "effort": newest.effort.text,
         "with less effort, recent": sum(item.effort is not Effort.FULL for item in estimates),
@@ -307,11 +309,6 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
     for stage, reason in newest.stop_reasons.items():
         values[f"{stage} stop reason"] = reason
     return values
-
-
-def _own_body(estimate: FlowEstimate) -> str:
-    reach = f" within {estimate.own_reach_m:.1f} m" if estimate.num_own else ""
-    return f"{estimate.num_own} points{reach}"
 
 
 def _number(value: float) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.first_guess import with_first_guesses
 from mnsf_ros.online.gate import with_verdicts
 from mnsf_ros.online.motions import fit_motion_field, fuse_motions
@@ -130,8 +131,7 @@ class ObjectFlowEstimator:
             start=start,
             over_ground=over_ground,
             num_left_out=int(np.count_nonzero(table.verdicts == Verdict.LEFT_OUT)),
-            num_own=int(np.count_nonzero(scene.current.own)),
-            own_reach_m=scene.current.own_reach_m,
+            own_body=chosen_points(triplet.current.xyz, scene.current.own),
             effort=effort,
             reason_of=Reasons(scene, table),
         )

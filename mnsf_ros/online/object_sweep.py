@@ -35,8 +35,8 @@ class ObjectSweep:
         kept: (N,) bool, the points with a height that are not ground.
         ground: The ground under it.
         own: (N,) bool, the points on the own body.
-        heights: (N,) float32, metres above ground of its points; NaN outside the crop, above
-            `objects.max_height_m`, and on the own body.
+        heights: (N,) float32, metres above ground of its points; NaN outside the crop and on the
+            own body, -infinity above `objects.max_height_m`.
         clock: Measuring time of each direction; None if unknown.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
@@ -66,7 +66,7 @@ class ObjectSweep:
             # Seen from above, an object under a ceiling or a tree would merge with it. Beside a
             # dam, the ground may be far below the road.
             is_high = (self.heights > settings.objects.max_height_m) & (self.xyz[:, 2] > 0)
-            self.heights[is_high] = np.nan
+            self.heights[is_high] = -np.inf
         self.own = np.zeros(len(sweep), np.bool_) if own is None else own
         self.heights[self.own] = np.nan
         self.kept = self.heights > lowest_m
@@ -93,12 +93,6 @@ class ObjectSweep:
     def view(self) -> RangeView:
         """The range image of the sweep."""
         return RangeView(self.xyz)
-
-    @property
-    def own_reach_m(self) -> float:
-        """The distance of the farthest point of the own body; 0 without any."""
-        own = chosen_points(self.sweep.xyz, self.own)
-        return float(np.sqrt((own**2).sum(axis=1)).max(initial=0.0))
 
     @property
     def num_objects(self) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
+from mnsf_ros.core.flow_estimate import Leader, Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_points import ObjectPoints
@@ -19,6 +19,13 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Points of another sweep within this distance of the box of an object are part of its reasons.
 _AROUND_M: Final = 2.0
+# Verdicts on points of no object, by the numbers of `_without_object`.
+_WITHOUT_OBJECT: Final = (
+    Verdict.NO_OBJECT,
+    Verdict.GROUND,
+    Verdict.OUTSIDE_CROP,
+    Verdict.TOO_HIGH,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +48,12 @@ class Reasons:
         objects = current.objects()[rows]
         number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:
-            return Reason(Verdict.NO_OBJECT)
+            return Reason(self._without_object(rows))
         num_points = int(current.counts[number])
         found = np.flatnonzero(self.table.points.numbers == number)
         row = int(found[0]) if len(found) else -1
         verdict = self._without_row(number, num_points) if row < 0 else self.table.verdicts[row]
-        motion, start, evidence = None, None, {}
+        motion, start, leader, evidence = None, None, None, {}
         if verdict in (*FITTED, Verdict.NO_BETTER_MOTION):
             start = self.table.start[row].astype(np.float64)
         if verdict in FITTED:
@@ -55,6 +62,7 @@ class Reasons:
                 "points new or gone": float(self.table.free[row]),
                 "probability": float(expit(self.table.log_odds[row])),
             }
+            leader = self._leader(row)
         return Reason(
             verdict,
             num_points,
@@ -63,7 +71,25 @@ class Reasons:
             start=start,
             motion=None if motion is None else motion.astype(np.float64),
             evidence=evidence,
+            leader=leader,
         )
+
+    def _without_object(self, rows: NDArray[np.int64]) -> Verdict:
+        """The verdict on most of these points, which are in no object."""
+        current = self.scene.current
+        heights, is_low = current.heights[rows], ~current.kept[rows]
+        numbers = np.select([np.isneginf(heights), np.isnan(heights), is_low], [3, 2, 1], 0)
+        return _WITHOUT_OBJECT[int(np.bincount(numbers, minlength=1).argmax())]
+
+    def _leader(self, row: int) -> Leader | None:
+        """What the object of a row goes along with; None if it is static or moves by itself."""
+        groups, log_odds = self.table.groups, self.table.log_odds
+        limit = self.scene.settings.min_probability
+        if self.table.verdicts[row] is not Verdict.DYNAMIC or expit(log_odds[row]) > limit:
+            return None
+        group = np.flatnonzero(groups == groups[row])
+        best = int(group[log_odds[group].argmax()])
+        return Leader(self.table.points.centers[best], float(expit(log_odds[best])))
 
     def _without_row(self, number: int, num_points: int) -> Verdict:
         """The verdict on an object that is not in the table."""

@@ -85,7 +85,7 @@ def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) 
     reason, (motion, share, truth) = reason_for(estimate, rows), _truth_at(example, rows)
     triplet, known = example.triplet, estimate.over_ground
     terms = reason_terms(triplet.current.xyz, estimate, rows, triplet.interval_s)
-    stage = _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
+    stage = _STAGES.get(reason.verdict) or LostBy.of(reason.verdict).value
     is_missed = known is not None and 2 * np.count_nonzero(known.dynamic[rows]) < len(rows)
     if is_missed and share > _MOVES:
         stage = lost_by(reason, motion).value

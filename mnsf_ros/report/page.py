@@ -3,18 +3,23 @@
 
 import base64
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import jinja2
 
 from mnsf_ros import __version__
+from mnsf_ros.drawing.color_wheel import FULL_ERROR_M
+from mnsf_ros.drawing.street_picture import ABOVE_M
+from mnsf_ros.drawing.svg import color_of
 from mnsf_ros.evaluation.pictures import ANIMATION, picture_file, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.scoring import ResultRow
+from mnsf_ros.report.plots import plots_of
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import missed_table
+from mnsf_ros.report.tables import best_cells, missed_tables
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 REPORT_FILE: Final = "report.html"
@@ -50,7 +55,10 @@ def write_report(folder: RunFolder, results: RunResults) -> Path:
         version=__version__,
         results=results,
         animation=next(_images(folder.path, results.focus, first), None),
-        missed=missed_table(results.table["row"], results.focus),
+        plots=list(plots_of(results.summary)),
+        colors={name: color_of(place) for place, name in enumerate(results.summary.index)},
+        missed=missed_tables(results.table["row"], results.focus),
+        best_of=partial(best_cells, references=results.record.references),
         pictures=list(_images(folder.path, results.focus, worst)),
     )
     path = folder.path / REPORT_FILE
@@ -73,8 +81,22 @@ def _images(
         file = folder / picture_file(recording.name, method, name)
         if file.is_file():
             content = base64.b64encode(file.read_bytes()).decode("ascii")
-            places = f"Left: truth. Right: {method}." if recording.truth else f"{method}."
-            yield Image(f"data:image/{file.suffix[1:]};base64,{content}", f"{text}. {places}")
+            yield Image(
+                f"data:image/{file.suffix[1:]};base64,{content}",
+                f"{text}. {_places(recording, method, name)}",
+            )
+
+
+def _places(recording: EvaluatedRecording, method: str, name: str) -> str:
+    """What is where in a picture."""
+    if not recording.truth:
+        return f"{method}."
+    if name == ANIMATION:
+        return f"Left: truth. Right: {method}."
+    return (
+        f"Left: truth. Middle: {method}. Right: errors from above, to {ABOVE_M:g} m, red from "
+        f"{FULL_ERROR_M:g} m."
+    )
 
 
 def _worst_text(row: ResultRow) -> str:

@@ -2,17 +2,23 @@
 """The tables of a run: columns of its summary with titles, units and decimals."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 import pandas as pd
 
 from mnsf_ros.evaluation.argoverse_metrics import RANGE_WISE, THREE_WAY
-from mnsf_ros.evaluation.movers import LostBy, ObjectRow
+from mnsf_ros.evaluation.movers import LostBy
 from mnsf_ros.evaluation.scoring import ResultRow
-from mnsf_ros.evaluation.summary import FAST, MOVER_GROUPS, SLOW, errors_in, part_of
+from mnsf_ros.evaluation.summary import (
+    FAST,
+    MOVER_GROUPS,
+    SLOW,
+    errors_in,
+    missed_movers,
+    part_of,
+)
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_number
-from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
 class Column(NamedTuple):
@@ -59,7 +65,7 @@ _OBJECTS: Final = {
     "found": _percent("found"),
     "flicker": _percent("flicker"),
     "delay_s": Column("delay (s)", 2),
-    "num_movers": Column("movers", None),
+    "num_movers": Column("number", None),
     "num_sweeps": Column("mover-sweeps", None),
 }
 _WORK: Final = {
@@ -78,6 +84,18 @@ _CONSISTENCY: Final = {
 _THREE_WAY: Final = {name: Column(name, 4) for name in (*THREE_WAY, "mean")}
 _RANGE_WISE: Final = {name: Column(name, 3) for name in RANGE_WISE}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
+# Columns that no value is the best of, and those whose largest value is.
+_COUNTS: Final = {
+    *(one.title for name, one in _WORK.items() if name.startswith("num_")),
+    *(_OBJECTS[name].title for name in ("num_movers", "num_sweeps")),
+    _CONSISTENCY["zero_nearest_m"].title,
+}
+_HIGHER: Final = {
+    *(_ERRORS[name].title for name in ("acc5", "acc10")),
+    *(_CALLED_DYNAMIC[name].title for name in ("precision", "recall", "iou")),
+    _OBJECTS["found"].title,
+}
+_MOVERS: Final = "method: movers"  # head of rows of a method and a group of movers
 _GROUP_TITLES: Final = {"all": "All points", "dynamic": "Dynamic points", "static": "Static points"}
 
 
@@ -172,27 +190,65 @@ def _objects_table(summary: pd.DataFrame, groups: Iterable[str]) -> TextTable:
         if part.loc[method].notna().any()
     }
     frame = pd.DataFrame.from_dict(lines, orient="index")
-    return _made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
+    return _made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", _MOVERS)
 
 
-def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:
-    """Returns the movers that a method missed most often, each in its sweep with most points."""
-    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
-    for row in rows:
-        for item in row.movers.objects if row.movers and row.method == method else ():
-            if item.moves and not item.is_found:
-                missed.setdefault((row.recording, item.object_id), []).append((row, item))
+def best_cells(table: TextTable, references: Container[str]) -> set[tuple[int, int]]:
+    """Returns rows and columns of the best values, where two methods that are no references differ.
+
+    Rows of groups of movers compete within their group. Equal texts are equally good.
+    """
+    groups: dict[str, list[int]] = {}
+    for line, (name, *_) in enumerate(table.rows):
+        method, _, group = name.rpartition(": ") if table.header[0] == _MOVERS else (name, "", "")
+        if method not in references:
+            groups.setdefault(group, []).append(line)
+    found = set()
+    for column, title in enumerate(table.header):
+        choose = max if title in _HIGHER else min
+        for lines in groups.values() if column and title not in _COUNTS else ():
+            cells = {line: table.rows[line][column] for line in lines}
+            values = {
+                line: float(text.replace(",", ""))
+                for line, text in cells.items()
+                if text != NO_VALUE
+            }
+            if len({*values.values()}) > 1:
+                best = choose(values.values())
+                found |= {(line, column) for line, value in values.items() if value == best}
+    return found
+
+
+def missed_tables(rows: Iterable[ResultRow], method: str) -> list[TextTable]:
+    """Returns the movers that a method missed, first those that *found* counts, then the others."""
+    missed = missed_movers(row for row in rows if row.method == method)
+    titles = {
+        True: f"Movers that {method} missed in most sweeps (see also mnsf explain)",
+        False: (
+            "Missed, but not counted by “found”: in the first 0.3 s in view (0.6 s below "
+            "2 m/s), beyond 50 m (30 m), slower than 0.5 m/s"
+        ),
+    }
+    return [
+        _missed_table(missed[missed["is_counted"] == is_counted], title)
+        for is_counted, title in titles.items()
+        if (missed["is_counted"] == is_counted).any()
+    ]
+
+
+def _missed_table(missed: pd.DataFrame, title: str) -> TextTable:
+    """The movers that were missed most often, each in its sweep with most points."""
     header = ("mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by")
+    movers = [own for _, own in missed.groupby(["recording", "object_id"])]
     cells = []
-    for sweeps in sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]:
-        row, item = max(sweeps, key=lambda one: one[1].num_points)
-        place = ", ".join(f"{value:.1f}" for value in item.place_m)
+    for own in sorted(movers, key=len, reverse=True)[:_NUM_LISTED]:
+        item = own.loc[own["num_points"].idxmax()]
         cells.append(
             (
-                *(f"{row.recording}: {item.kind}", str(len(sweeps))),
-                *(f"{row.stamp_ns / NANOSECONDS:.3f}", place, f"{item.speed_m_s:.1f}"),
-                *(f"{item.num_points:,}", item.lost_by.value if item.lost_by else NO_VALUE),
+                *(f"{item['recording']}: {item['kind']}", str(len(own)), f"{item['time_s']:.3f}"),
+                ", ".join(f"{value:.1f}" for value in item["place_m"]),
+                *(f"{item['speed_m_s']:.1f}", f"{item['num_points']:,}"),
+                item["lost_by"].value if item["lost_by"] else NO_VALUE,
             )
         )
-    title = f"Movers that {method} missed in most sweeps (see also mnsf explain)"
     return TextTable(header, cells, title)

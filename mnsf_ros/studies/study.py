@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
@@ -18,80 +17,7 @@ from mnsf_ros.evaluation.run_record import session_now
 from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.report.text_table import TextTable, markdown_text
-from mnsf_ros.setting import check_declared, declared
-
-# Name to module, which is imported for this study alone because it needs PyTorch, and summary. The
-# module has `run`, which gets the name and the options and returns a StudyResult.
-STUDIES: Final = {
-    "ablation": ("method_study", "FNSF, and MNSF without single parts: (a) to (d) of the paper"),
-    "fusion": ("method_study", "fusion by mean, by weighted sum and by a network"),
-    "depth": ("method_study", "fusion network with 2, 3, 5 and 7 layers"),
-    "frames": ("method_study", "2, 3, 4 and 5 sweeps"),
-    "landscape": ("landscape_study", "loss around the optimum, FNSF and MNSF"),
-    "stability": (
-        "stability_study",
-        "effect of replacing one point of N, expected to fall with 1/N",
-    ),
-    "warm-start": ("warm_study", "errors over the sweeps since the start, warm and from scratch"),
-}
-
-
-@dataclass(frozen=True)
-class CaseStudySettings:
-    """Settings of the case studies, each an option of the command.
-
-    Raises:
-        SettingsError: If a value is out of its range.
-    """
-
-    directions: int = declared(10, "landscape: random directions, for its sharpness", 2, 10_000)
-    sizes: str = declared(
-        "128,256,512,1024,2048", "stability: numbers of points, three or more in ascending order"
-    )
-    repeats: int = declared(5, "stability: random draws for each number of points", 1, 10_000)
-    methods: str = declared("nsfp,fnsf,mnsf", "stability: methods to compare")
-    warm_steps: str = declared(
-        "2,5,10", "warm-start: steps per sweep of networks that go on, in ascending order"
-    )
-    cold_steps: str = declared(
-        "10,40", "warm-start: steps of networks from scratch, in ascending order"
-    )
-
-    def __post_init__(self) -> None:
-        check_declared(self)
-        for name, count, least in (("sizes", 3, 2), ("warm_steps", 1, 1), ("cold_steps", 1, 1)):
-            text = getattr(self, name)
-            numbers = _numbers(text)
-            if len(numbers) < count or min(numbers) < least or numbers != sorted(set(numbers)):
-                raise SettingsError(
-                    f"{name}: got {text}, expected {count} or more numbers from {least} in "
-                    "ascending order"
-                )
-
-    @property
-    def numbers_of_points(self) -> list[int]:
-        """The `sizes`."""
-        return _numbers(self.sizes)
-
-    @property
-    def numbers_of_warm_steps(self) -> list[int]:
-        """The `warm_steps`."""
-        return _numbers(self.warm_steps)
-
-    @property
-    def numbers_of_cold_steps(self) -> list[int]:
-        """The `cold_steps`."""
-        return _numbers(self.cold_steps)
-
-    @property
-    def method_names(self) -> list[str]:
-        """The `methods`, each once."""
-        return list(dict.fromkeys(self.methods.split(",")))
-
-
-def _numbers(text: str) -> list[int]:
-    """Whole numbers with commas between them; 0 stands for what is none."""
-    return [int(part) if part.isdecimal() else 0 for part in text.split(",")]
+from mnsf_ros.studies.settings import STUDIES, CaseStudySettings
 
 
 @dataclass(frozen=True)

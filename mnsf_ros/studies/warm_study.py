@@ -13,7 +13,8 @@ from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.presets import settings_for
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
-from mnsf_ros.studies.study import CaseStudySettings, StudyOptions, StudyResult
+from mnsf_ros.studies.settings import CaseStudySettings
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.studies.variants import evaluated, texts_on
 
 _TITLE: Final = "Warm start: errors over the sweeps since the start"

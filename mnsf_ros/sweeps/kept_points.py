@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.point_sets import chosen_points
+from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.settings import CropSettings, Settings
 from mnsf_ros.sweeps.ground_surface import GroundSurface
 from mnsf_ros.sweeps.sweep import Sweep
 
 MIN_POINTS = 10
+# Farther parts of the own body have boxes of their own, with corners on a grid.
+_APART_M = 0.25
+_STEP_M = 0.1
 
 
 def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
@@ -73,6 +77,19 @@ def in_boxes(xyz: NDArray[np.float32], boxes: Sequence[Sequence[float]]) -> NDAr
         low, high = np.array(box, np.float32).reshape(2, 3)
         inside |= ((xyz >= low) & (xyz <= high)).all(axis=1)
     return inside
+
+
+def boxes_around(xyz: NDArray[np.float32]) -> str:
+    """Returns boxes around groups of points (N, 3), as `crop.own_body` has them; empty if none."""
+    if len(xyz) == 0:
+        return ""
+    objects = Segmentation(xyz, _APART_M).objects_of(xyz)
+    groups = (xyz[objects == number].astype(np.float64) for number in np.unique(objects))
+    corners = (
+        (*np.floor(group.min(axis=0) / _STEP_M), *np.ceil(group.max(axis=0) / _STEP_M))
+        for group in groups
+    )
+    return "; ".join(" ".join(f"{_STEP_M * value:.3g}" for value in box) for box in corners)
 
 
 @compiled("boolean[::1](float32[:, ::1], float64, float64, float32, float32)")

@@ -13,17 +13,14 @@ from mnsf_ros.errors import EvaluationError, SettingsError, library_missing, one
 from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import check_folder
-from mnsf_ros.setting import Setting, SettingValue, check_declared, declared
+from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.tuning.judges import ConsistencyJudge, LabelledJudge, read_halves
+from mnsf_ros.tuning.options import AUTO, CONSISTENCY, EPE, TuneOptions
 
 if TYPE_CHECKING:
     import optuna
-
-AUTO: Final = "auto"
-EPE: Final = "epe"
-CONSISTENCY: Final = "consistency"
 
 TRIALS_FILE: Final = "trials.log"
 PARAMETER_FILE: Final = "tuned.yaml"
@@ -35,34 +32,6 @@ _WORST: Final = 1e6
 Values = dict[str, SettingValue]
 # Gets a text, the number of steps done, and their number in all.
 Watch = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class TuneOptions:
-    """How to tune, each an option of the command.
-
-    Raises:
-        SettingsError: If a value is out of its range.
-    """
-
-    goal: str = declared(
-        AUTO,
-        "what to improve, see below; auto: epe with true flow",
-        choices=(AUTO, EPE, CONSISTENCY),
-    )
-    trials: int = declared(60, "number of trials in all", 1, 100_000)
-    parameters: str = declared(
-        "all", "parameters to tune, NAME,...; all: those listed in docs/parameters.md"
-    )
-
-    def __post_init__(self) -> None:
-        check_declared(self)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The `parameters`; empty for all."""
-        names = "" if self.parameters == "all" else self.parameters
-        return tuple(filter(None, map(str.strip, names.split(","))))
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ _VALUES: Final = {
     "rate [Hz]": "flows a second",
     "flows_out": "flows out",
     "triplets_dropped": "dropped",
+    "own body": "own body",
     "source": "ego motion",
 }
 _ROUND_S: Final = 0.05
@@ -108,6 +109,7 @@ class NodeView(PageView):
             text = f"{self._name} does not run, or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
             self._server.tell("status", latency=None, values={}, warnings=warnings)
+            self._wait(f"waiting for the node: {text}")
         self._is_there = is_there
         self._ros.spin_for(_ROUND_S)
 
@@ -135,7 +137,7 @@ class NodeView(PageView):
         def try_to_receive(message: Any) -> None:  # noqa: ANN401 - of several types
             try:
                 receive(message)
-            except (MessageError, ValueError) as error:
+            except (MessageError, SettingsError, ValueError) as error:
                 _LOG.warning("%s: a message that cannot be shown: %s", topic, one_line(error))
 
         self._subscriptions.append(self._ros.subscribe(topic, msgtype, try_to_receive))
@@ -167,7 +169,7 @@ class NodeView(PageView):
         self._ask()
 
     def _explain(self) -> None:
-        self._server.tell("reasons", lines=[])
+        self._tell_reasons([])
         self._ask()
 
     def _ask(self) -> None:
@@ -185,7 +187,7 @@ class NodeView(PageView):
         if self._asked is not None:
             (status,) = message.status
             lines = [f"{item.key}: {item.value}" for item in status.values]
-            self._server.tell("reasons", lines=lines or [status.message])
+            self._tell_reasons(lines or [status.message])
 
     def _receive_latency(self, message: Any) -> None:  # noqa: ANN401
         self._latency_ms = float(message.data)
@@ -205,6 +207,9 @@ class NodeView(PageView):
             for one in own
             if one.level in _LEVELS
         ]
+        worst = max(own, key=lambda one: one.level)
+        self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
+        self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
         self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
 

@@ -22,7 +22,11 @@ _NETWORKS: Final = frozenset(
 _NODE: Final = frozenset(
     ("tf", "lidars", "lidar_1", "lidar_2", "lidar_3", "lidar_4", "output", "node")
 )
-_TITLE: Final = "Changed on the page of mnsf view; the other parameters have their defaults."
+_TITLE: Final = (
+    "From the page of mnsf view: what was changed, and the robot's own body as it was found. The "
+    "other parameters have their defaults."
+)
+_OWN_BODY: Final = "crop.own_body"
 
 
 def are_usual(*values: object) -> bool:
@@ -69,6 +73,7 @@ class PageView(ABC):
         self._settings, self._first_settings = settings, settings
         self._hidden = frozenset() if of_node else _NODE
         self._asked: Asked | None = None
+        self._found_body = ""
         server.tell("title", text=title)
 
     def run(self) -> None:
@@ -112,15 +117,38 @@ class PageView(ABC):
                 self._asked = Asked.by(command)
                 self._explain()
 
+    def _tell_reasons(self, lines: list[str]) -> None:
+        """Tells the reasons for what is asked about; the page may be at another track by now."""
+        track = 0 if self._asked is None else self._asked.track
+        self._server.tell("reasons", lines=lines, track=track)
+
     def _try_to_set(self, values: Mapping[str, Any]) -> None:
         try:
             self._set(values)
         except SettingsError as error:
             self._refuse(str(error))
 
+    def _wait(self, text: str) -> None:
+        """Says what a page without any sweep waits for."""
+        self._server.tell("waiting", text=text)
+
     def _refuse(self, reason: str) -> None:
         self._server.refuse(reason)
         self._publish_knobs()
+
+    def _take_own_body(self, boxes: str) -> None:
+        """Shows the own body that was found, and offers to save it.
+
+        Args:
+            boxes: As in `crop.own_body`; empty for none.
+
+        Raises:
+            SettingsError: These are no boxes.
+        """
+        if boxes != self._found_body:
+            Settings().changed({_OWN_BODY: boxes or "none"})
+            self._found_body = boxes
+            self._publish_knobs()
 
     def _changed(self, usual: Mapping[str, Any]) -> list[str]:
         """Names of the settings that differ and can be changed."""
@@ -131,10 +159,17 @@ class PageView(ABC):
         ]
 
     def _publish_knobs(self) -> None:
-        """Tells the settings of groups that have an effect, and a file of all that are changed."""
-        usual = Settings().to_mapping()
-        now = self._settings
-        changed = [name for name, value in usual.items() if now.value_of(name) != value]
+        """Tells the settings of groups that have an effect, and a file of what is to be kept.
+
+        That are those that are changed, and the own body that was found.
+        """
+        usual, now = Settings().to_mapping(), self._settings
+        is_found = self._found_body and now.crop.own_body == "auto"
+        kept = now.changed({_OWN_BODY: self._found_body}) if is_found else now
+        changed, saved = (
+            [name for name, value in usual.items() if each.value_of(name) != value]
+            for each in (now, kept)
+        )
         is_online = now.method.name == usual["method.name"]
         hidden = self._hidden | (_NETWORKS if is_online else {"objects"})
         groups = []
@@ -147,8 +182,14 @@ class PageView(ABC):
             if offered and group.name not in hidden:
                 text = (type(group.default).__doc__ or "").partition("\n")[0]
                 groups.append({"name": group.name, "text": text, "knobs": offered})
-        file = settings_yaml(now, _TITLE, changed) if changed else ""
-        self._server.tell("knobs", groups=groups, file=file, changed=changed)
+        self._server.tell(
+            "knobs",
+            groups=groups,
+            file=settings_yaml(kept, _TITLE, saved),
+            changed=changed,
+            saved=saved,
+            body=kept.crop.own_boxes,
+        )
 
 
 def _knob(setting: Setting, settings: Settings) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording is played, estimated and shown, under the control of the page."""
 
+import logging
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
+from mnsf_ros.sweeps.kept_points import boxes_around
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import (
     LAYERS,
@@ -27,6 +29,8 @@ from mnsf_ros.view.estimated_sweeps import (
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.page_view import PageView, are_usual
 from mnsf_ros.view.scene_message import Paths, Trails, scene_message
+
+_LOG = logging.getLogger(__name__)
 
 # Memory of the method `online`: earlier sweeps have no effect.
 _PAST_S: Final = 3.0
@@ -84,6 +88,7 @@ class RecordingView(PageView):
         self._preview: _Shown | None = None
         self._start_at(0.0)
         self._publish_knobs()
+        self._wait("estimating the first sweep")
 
     def _idle_s(self) -> float | None:
         if self._server.num_viewers == 0:
@@ -193,14 +198,17 @@ class RecordingView(PageView):
         self._show()
 
     def _end(self) -> None:
-        """Starts again at the beginning, or rests if no sweep has a flow with these settings."""
-        if self._first_stamp_ns is None:
-            raise EvaluationError("no sweep of the recording has a flow")
+        """Starts again at the beginning, or rests and says why if no sweep has a flow."""
         if self._kept or self._target_s != 0.0:
             self._start_at(0.0)
             return
         self._target_s, self._is_playing = None, False
-        self._server.refuse("no sweep has a flow with these settings")
+        limit_s = self._settings.buffer.max_interval_s
+        needed = f"three sweeps in a row are needed, at most {limit_s:g} s apart"
+        reason = self._warnings[-1] if self._warnings else needed
+        text = f"no sweep has a flow with these settings: {reason}"
+        self._server.refuse(text)
+        _LOG.warning("%s", text)
         self._publish_player()
 
     def _show(self) -> None:
@@ -228,7 +236,7 @@ class RecordingView(PageView):
                 lines = decision(sweep.example, sweep.estimate, rows)
             except EvaluationError as error:
                 lines = [str(error)]
-        self._server.tell("reasons", lines=lines)
+        self._tell_reasons(lines)
 
     def _publish_player(self, estimated_s: float = 0.0) -> None:
         """Tells the state of the player; before the target, the position of the last estimate."""
@@ -248,8 +256,10 @@ class RecordingView(PageView):
         values = {
             "points": f"{len(sweep.example.triplet.current):,}",
             "dynamic objects": "unknown" if known is None else str(len(known.objects)),
+            "own body": estimate.own_body_text,
             "estimate": f"{estimate.time_ms:.0f} ms",
         }
+        self._take_own_body(boxes_around(estimate.own_body))
         self._server.tell(
             "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
         )

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S, packed_colors
+from mnsf_ros.drawing.color_wheel import (
+    FULL_COLOR_M_S,
+    FULL_ERROR_M,
+    error_colors_rgb,
+    packed_colors,
+)
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 Colors = NDArray[np.uint32]
@@ -25,11 +30,7 @@ _EGO_STEP_M: Final = 0.5
 _LARGE: Final = np.uint32(1 << 24)
 _LENGTH: Final = struct.Struct("<I")
 _ALIGNMENT: Final = 4
-# Errors have their full colour from here on, metres a sweep.
-FULL_ERROR_M: Final = 0.3
 _NO_TRUTH: Final = np.uint32(0x1B1E25)
-# From no error over a large one to an outlier.
-_ERROR_RAMP: Final = np.array([[52, 58, 72], [226, 176, 44], [255, 58, 40]], np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +64,9 @@ def motion_colors(velocity: NDArray[np.float32], is_large: NDArray[np.bool_]) ->
 
 def error_colors(errors_m: NDArray[np.float32], known: NDArray[np.bool_]) -> Colors:
     """Returns colours of errors (N,) in metres, dark where none is known."""
-    place = np.clip(np.where(known, errors_m, 0.0) / FULL_ERROR_M, 0.0, 1.0) * 2
-    levels = [np.interp(place, (0, 1, 2), ramp).astype(np.uint32) for ramp in _ERROR_RAMP.T]
-    colors = levels[0] << 16 | levels[1] << 8 | levels[2]
-    return np.where(known, colors | (place > 1.0) * _LARGE, _NO_TRUTH).astype(np.uint32)
+    colors = error_colors_rgb(errors_m).astype(np.uint32) @ np.array([2**16, 2**8, 1], np.uint32)
+    is_large = errors_m > FULL_ERROR_M / 2
+    return np.where(known, colors | is_large * _LARGE, _NO_TRUTH).astype(np.uint32)
 
 
 @dataclass(frozen=True)

@@ -27,21 +27,21 @@ def limits(monkeypatch):
 
 def test_a_command_is_limited_to_half_of_the_memory_while_it_runs(limits):
     before = data_limit()
-    assert run(["report", "run"]) == 0
+    assert run(["report", "."]) == 0
     assert 0 < limits[0] <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2
     assert data_limit() == before
 
 
 def test_the_limit_is_an_option(limits):
-    run(["report", "run", "--max-memory", "77.5"])
-    run(["report", "run", "--max-memory", "inf"])
+    run(["report", ".", "--max-memory", "77.5"])
+    run(["report", ".", "--max-memory", "inf"])
     assert limits == [int(77.5 * GB), resource.RLIM_INFINITY]
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "much"])
 def test_a_limit_is_a_number_above_zero(text, capsys):
     with pytest.raises(SystemExit):
-        run(["report", "run", "--max-memory", text])
+        run(["report", ".", "--max-memory", text])
     assert f"got '{text}', expected GB above 0, or inf" in capsys.readouterr().err
 
 
@@ -61,7 +61,7 @@ def exhaust(_):
 )
 def test_memory_that_is_missing_is_one_line_with_the_option(monkeypatch, capsys, fail, said):
     monkeypatch.setattr(evaluate, "run_report", fail)
-    assert run(["report", "run", "--max-memory", "99"]) == EXIT_MEMORY
+    assert run(["report", ".", "--max-memory", "99"]) == EXIT_MEMORY
     line = f"mnsf: {said}; memory is limited to 99.0 GB (--max-memory)\n"
     assert capsys.readouterr().err == line
 

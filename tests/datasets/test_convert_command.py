@@ -10,7 +10,8 @@ import tiny_world
 
 from mnsf_ros.cli import recordings
 from mnsf_ros.cli.arguments import Arguments
-from mnsf_ros.datasets.conversion import FORMATS
+from mnsf_ros.datasets.conversion import open_source
+from mnsf_ros.datasets.formats import FORMATS
 from mnsf_ros.errors import DatasetError, RecordingError
 
 
@@ -69,7 +70,7 @@ def test_options_of_other_formats_are_refused(tmp_path, triplet):
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_missing_source_is_an_error_of_one_line(tmp_path, name):
     with pytest.raises(DatasetError) as caught:
-        run(name, tmp_path / "nowhere", tmp_path / "out")
+        list(open_source(name, tmp_path / "nowhere").sweeps)
     assert str(tmp_path / "nowhere") in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())

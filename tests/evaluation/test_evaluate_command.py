@@ -178,7 +178,7 @@ def test_results_survive_a_report_that_fails(bag, tmp_path, mnsf, monkeypatch, e
     def write_report(*_, **__):
         raise error
 
-    monkeypatch.setattr("mnsf_ros.cli.evaluate.write_report", write_report)
+    monkeypatch.setattr("mnsf_ros.cli.evaluation.write_report", write_report)
     ended = mnsf(bag, "--methods=zero", "--out", tmp_path / "out")
     assert ended.status == INCOMPLETE
     assert "no report: " in ended.out

@@ -41,7 +41,7 @@ class Work:
         self.now_s += self._prepare_ms / 1e3
         return triplet.current.stamp_ns
 
-    def estimate(self, triplet, _cancelled=never, prepared=None):
+    def estimate(self, triplet, _cancelled=never, prepared=None, _effort=None):
         assert prepared == triplet.current.stamp_ns
         self.now_s += next(self._estimate_ms) / 1e3
         return FlowEstimate(EMPTY, np.empty(0, bool))

@@ -126,6 +126,7 @@ def test_sampling_counts_examples_wherever_they_are(tmp_path):
     )
     found = [[row.number for row in rows_of(task, small.options(every=n))] for n in (1, 3, 20)]
     assert found == [[3, 4, 5, 6], [3, 6], [3]]
+    assert [row.number for row in rows_of(task, small.options(every=2, max_examples=2))] == [3, 5]
     rest = rows_of(task, small.options(every=2), frozenset({3}))
     assert [row.number for row in rest] == [5]
 

@@ -56,7 +56,7 @@ LONG_CALLS = ENDLESS | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
 # What the process of the tests has set for itself, and the node has to set on its own.
 PREPARED = (
     *("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"),
-    *("RMW_FASTRTPS_USE_QOS_FROM_XML", "OMP_WAIT_POLICY"),
+    *("RMW_FASTRTPS_USE_QOS_FROM_XML", "OMP_WAIT_POLICY", "OPENBLAS_NUM_THREADS"),
 )
 
 # As the executable scene_flow_lifecycle_node does.

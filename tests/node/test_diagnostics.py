@@ -68,8 +68,7 @@ class Story:
             device="cpu",
             distance_kind="tree",
             precision="float32",
-            num_own=130,
-            own_reach_m=2.06,
+            own_body=np.linspace((-2.06, 0, 0), (-1.53, 0, 0), 130, dtype=np.float32),
             over_ground=None if ego_source is None else over_ground(source=ego_source),
         )
         self.statistics.add_estimate(latency_ms, estimate)
@@ -326,6 +325,7 @@ class TestValues:
             "precision": "float32",
             "start": "warm",
             "own body": "130 points within 2.1 m",
+            "own body boxes": "-2.1 0 0 -1.5 0 0",
             "cold starts, recent": "1",
             "effort": "full",
             "estimate median [ms]": "3.5",

@@ -15,8 +15,8 @@ from mnsf_ros.cli.main import EXIT_USAGE, run
 
 @pytest.fixture
 def street(make_street, own_domain):
-    """A simulated street that is published again and again."""
-    path = make_street(duration_s=2.0, num_beams=32, num_columns=256)
+    """A lidar that stands in a street, which is published again and again."""
+    path = make_street(duration_s=2.0, num_beams=32, num_columns=256, ego_speed_m_s=0.0)
     command = [sys.executable, "-m", "mnsf_ros.cli", "play", str(path), "--loop"]
     with Popen(command) as player, contextlib.ExitStack() as stack:
         stack.callback(player.terminate)

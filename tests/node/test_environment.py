@@ -18,6 +18,7 @@ from mnsf_ros.node.environment import TRANSPORT_PROFILE, UDP_PROFILE
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
+_THREADS = {"OMP_WAIT_POLICY": "ACTIVE", "OPENBLAS_NUM_THREADS": "2"}
 _DDS = "{http://www.eprosima.com}"
 # A cloud that has not come by then is lost.
 _LOST_S = 5.0
@@ -30,8 +31,8 @@ _NEEDS_PROC = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="n
         ({}, True),
         ({_PROFILE: "", _NEWER_PROFILE: ""}, True),
         ({_PROFILE: str(TRANSPORT_PROFILE)}, True),
-        ({_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
-        ({_NEWER_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
+        ({_PROFILE: "/my/profile.xml", **_THREADS}, False),
+        ({_NEWER_PROFILE: "/my/profile.xml", **_THREADS}, False),
     ],
 )
 @pytest.mark.parametrize("holds_clouds", [True, False])
@@ -41,7 +42,7 @@ def test_variables_are_set_unless_the_user_has_set_them(monkeypatch, given, is_s
     environment.prepare_environment(found, is_node=True)
     profile = UDP_PROFILE if holds_clouds else TRANSPORT_PROFILE
     own = {_PROFILE: str(profile), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
-    own["OMP_WAIT_POLICY"] = "PASSIVE"
+    own |= {"OMP_WAIT_POLICY": "PASSIVE", "OPENBLAS_NUM_THREADS": "1"}
     assert found == (given | own if is_set else given)
 
 

@@ -11,7 +11,7 @@ from moving_boxes import surfaces
 from node_harness import Spinner, stamp_of
 from synthetic_clouds import over_ground, tracked, xyz_message
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Match, Reason, SweepTerms, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, Leader, Match, Reason, SweepTerms, Verdict
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -98,10 +98,22 @@ def test_terms_of_an_object_and_of_a_place(asking):
     assert terms["Called dynamic"] == "40 of 40 points"
     static = "if static 0.250 m (hit 0%, passed through 75%, hidden 25%)"
     assert terms["Sweep at +0.1 s"] == static
-    assert status.message == terms["Reason"]
+    assert status.message == terms["Reason"] == "refused by the gate, but goes along with object 5"
     x, y, _ = surfaces(0, NUM_POINTS)[100].tolist()
     stamp_s, status = asking.ask(x, y, stamp_s=10, frame_id="lidar")
     assert (stamp_s, len(status.values)) == (10, 5)
+
+
+def test_object_that_goes_along_names_the_other_one(asking):
+    leader = Leader(np.array([8.1, -2.0, 0.0]), 0.98)
+    reason = {"reason_of": lambda _: Reason(Verdict.DYNAMIC, leader=leader)}
+    asking.listen()
+    asking.explanations.keep(*estimated(10, **reason))
+    _, status = asking.ask(501.0, -1.0)
+    assert status.message == (
+        "goes along with what touches it at (8.1, -2.0) m and is dynamic with probability 0.98; "
+        "both are object 5"
+    )
 
 
 def test_questions_without_an_answer(asking):

@@ -10,6 +10,7 @@ from box_street import BoxStreet, box_points, pose, stamp_ns, triplets_of
 from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.kept_points import boxes_around
 from mnsf_ros.sweeps.sweep import Sweep
 
 SETTINGS = Settings().changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
@@ -44,8 +45,8 @@ def estimates(number=16, settings=SETTINGS, **how):
 def test_what_moves_with_the_sensor_for_a_second_is_the_own_body():
     *_, last = estimates()
     own = np.arange(len(last.flow)) >= len(last.flow) - NUM_BEHIND
-    assert last.num_own == pytest.approx(NUM_BEHIND, abs=10)
-    assert last.own_reach_m == pytest.approx(1.9, abs=0.2)
+    assert len(last.own_body) == pytest.approx(NUM_BEHIND, abs=10)
+    assert last.own_body_text == f"{len(last.own_body)} points within 1.9 m"
     assert not last.over_ground.dynamic[own].any()
     assert not last.kept[own].any()
     assert np.median(np.abs(last.flow[own])) == 0
@@ -54,18 +55,18 @@ def test_what_moves_with_the_sensor_for_a_second_is_the_own_body():
 
 def test_until_then_it_may_be_a_mover():
     first, *_ = estimates(3)
-    assert first.num_own == 0
+    assert len(first.own_body) == 0
 
 
 @pytest.mark.parametrize("drift_m", [0.02, -0.02])
 def test_a_companion_whose_distance_changes_is_a_mover(drift_m):
     *_, last = estimates(20, drift_m=drift_m)
-    assert last.num_own < 0.1 * NUM_BEHIND
+    assert len(last.own_body) < 0.1 * NUM_BEHIND
     assert last.over_ground.dynamic[-NUM_BEHIND:].mean() > 0.5
 
 
 def test_a_sensor_that_stands_learns_nothing():
-    assert all(one.num_own == 0 for one in estimates(step_m=0.0))
+    assert all(len(one.own_body) == 0 for one in estimates(step_m=0.0))
 
 
 def test_a_wall_along_the_way_is_no_body():
@@ -74,16 +75,20 @@ def test_a_wall_along_the_way_is_no_body():
         return along @ pose(yaw_deg=0.25 * index)[:3, :3]
 
     *_, last = estimates(walls=[wall])
-    assert last.num_own <= NUM_BEHIND
+    assert len(last.own_body) <= NUM_BEHIND
 
 
-def test_boxes_name_the_body_from_the_first_sweep_on():
-    boxed = SETTINGS.changed({"crop.own_body": "-2 2 -1 0 0 0; 5 5 5 6 6 6"})
+@pytest.mark.parametrize("boxes", ["-2 2 -1 0 0 0; 5 5 5 6 6 6", "learned"])
+def test_boxes_name_the_body_from_the_first_sweep_on(boxes):
+    if boxes == "learned":
+        *_, last = estimates()
+        boxes = boxes_around(last.own_body)
+    boxed = SETTINGS.changed({"crop.own_body": boxes})
     first, *_ = estimates(3, settings=boxed)
-    assert first.num_own >= 0.9 * NUM_BEHIND
+    assert len(first.own_body) >= 0.9 * NUM_BEHIND
     assert not first.over_ground.dynamic[-NUM_BEHIND:].any()
 
 
 def test_the_body_is_not_looked_for_if_not_wanted():
     *_, last = estimates(settings=SETTINGS.changed({"crop.own_body": "none"}))
-    assert last.num_own == 0
+    assert len(last.own_body) == 0

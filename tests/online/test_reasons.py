@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_street import BoxStreet, pose
@@ -70,5 +72,37 @@ def test_static_things_and_ground_are_no_suspects():
     verdicts = {result.reason_of(rows[place:][:1]).verdict for place in range(0, len(rows), 97)}
     assert Verdict.NOT_SUSPECTED in verdicts
     assert Verdict.DYNAMIC not in verdicts
-    assert result.reason_of(np.flatnonzero(~result.kept)[:5]).verdict is Verdict.NO_OBJECT
-    assert result.reason_of(rows[:0]).verdict is Verdict.NO_OBJECT
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({}, Verdict.GROUND),
+        ({"crop.max_range_m": 5.0, "ground.remove": False}, Verdict.OUTSIDE_CROP),
+        ({"objects.max_height_m": 0.5}, Verdict.TOO_HIGH),
+    ],
+)
+def test_points_of_no_object_have_the_cause(changes, verdict):
+    result, car, current = estimate(**changes)
+    is_high = current.xyz[:, 2] > 0.0
+    rows = np.flatnonzero(~result.kept & (is_high == (verdict is Verdict.TOO_HIGH)))
+    assert len(rows) > 5
+    assert result.reason_of(rows).verdict is verdict
+    assert result.reason_of(car[:0]).verdict is Verdict.NO_OBJECT
+
+
+def test_object_that_is_dynamic_only_with_another_one_names_it():
+    result, car, current = estimate()
+    reasons = result.reason_of
+    owners = reasons.scene.current.objects()
+    numbers = reasons.table.points.numbers
+    leader = int(np.flatnonzero(numbers == np.bincount(owners[car]).argmax())[0])
+    follower = (leader + 1) % len(numbers)
+    table = reasons.table.put(np.array([leader, follower]), groups=0, verdicts=Verdict.DYNAMIC)
+    table = table.put(np.array([follower]), log_odds=-2.0).put(np.array([leader]), log_odds=3.0)
+    reasons = replace(reasons, table=table)
+    reason = reasons(np.flatnonzero(owners == numbers[follower]))
+    assert reason.evidence["probability"] == pytest.approx(0.119, abs=0.001)
+    assert reason.leader.probability == pytest.approx(0.953, abs=0.001)
+    assert reason.leader.place == pytest.approx(current.xyz[car].mean(axis=0), abs=0.5)
+    assert reasons(car).leader is None

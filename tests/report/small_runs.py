@@ -33,8 +33,8 @@ def row(number, method, epe_m, **values):
         "consistency": {"nearest_m": 0.25, "zero_nearest_m": 0.5},
         **values,
     }
-    recording = values.pop("recording", "street")
-    return ResultRow(recording, number, 10**9 * number, method, 10, **values)
+    recording, stamp_ns = values.pop("recording", "street"), values.pop("stamp_ns", 10**9 * number)
+    return ResultRow(recording, number, stamp_ns, method, 10, **values)
 
 
 def failed(number, method, text, **values):

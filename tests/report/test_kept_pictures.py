@@ -68,11 +68,11 @@ def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
     expected = [f"street.{m}/sweep_{number}.png" for m in METHODS for number in worst[m]]
     assert files(folder) == sorted(expected)  # and no animation of references
     text = report_of(folder)
-    assert text.count("data:image/png") == text.count("Right: ego.") / 2 == 2
+    assert text.count("data:image/png") == text.count("Middle: ego.") / 2 == 2
     assert run(["report", str(folder.path), "--method=zero"]) == 0
     text = (folder.path / "report.html").read_text()
     assert "Worst sweeps of zero" in text
-    assert text.count("data:image/png") == text.count("Right: zero.") / 2 == 2
+    assert text.count("data:image/png") == text.count("Middle: zero.") / 2 == 2
     with pytest.raises(MnsfError, match=r"run: has no method 'mnfs'; it has ego, zero$"):
         report_of(folder, focus="mnfs")
 

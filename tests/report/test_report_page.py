@@ -81,17 +81,49 @@ def test_nothing_is_loaded_and_every_picture_says_what_it_shows(tmp_path):
 def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
     place = {"place_m": (8.0, -9.0), "lost_by": LostBy.TOO_LARGE}
     item = ObjectRow(7, "<b>car</b>", True, 5.0, 12.0, 120, 0.0, **place)
-    missed = row(3, "mnsf", 0.3, movers=MoverRow((0, 0, 120), 0, objects=[item]))
-    page = report(tmp_path, [missed, row(2, "mnsf", 0.2)], run_record())
+    scored = MoverRow((0, 0, 120), 0, objects=[item])
+    missed = [row(number, "mnsf", 0.3, movers=scored, stamp_ns=10**8 * number) for number in (1, 4)]
+    page = report(tmp_path, missed[:1], run_record())
+    assert "not counted by “found”: in the first 0.3 s in view" in page.text
+    assert "Movers that mnsf missed" not in page.text
+    page = report(tmp_path, missed, run_record())
+    # It is found in no sweep that counts.
     assert "Movers that mnsf missed in most sweeps" in page.text
     assert "street: <b>car</b>" in page.text
     assert "too large" in page.text
 
 
+def test_plots_have_a_dot_for_each_method_and_value(tmp_path):
+    movers = MoverRow((90, 10, 0), 0)
+    page = report(tmp_path, [*rows(), row(4, "mnsf", 0.1, movers=movers)], run_record())
+    plots = dict(re.findall("<b>([^<]*)</b></figcaption>(<svg.*?</svg>)", page.source))
+    assert list(plots) == [
+        *("EPE by range", "EPE by true speed", "Points called dynamic", "Time per stage")
+    ]
+    dots = {title: svg.count("<circle") for title, svg in plots.items()}
+    assert dots == {
+        "EPE by range": 9,
+        "EPE by true speed": 6,
+        "Points called dynamic": 3,
+        "Time per stage": 6,
+    }
+    assert "mnsf: 90" in plots["Points called dynamic"]
+
+
+def test_best_value_of_the_methods_is_bold(tmp_path):
+    page = report(tmp_path, rows(), run_record())
+    (table,) = re.findall(r"<b>All points.*?</table>", page.source, re.DOTALL)
+    # Means of 0.2, 0.21, and 0.22, which is that of a reference; the accuracies are equal.
+    assert re.findall(r"<td><b>(.*?)</b>", table) == ["0.200"]
+
+
 def test_picture_that_cannot_be_read_is_left_out(tmp_path):
     page = report(tmp_path, rows(), run_record(), kept(3))
-    (caption,) = re.findall("<figcaption>([^<]*)<", page.source)
-    assert caption == "street, sweep 3, 3.000 s: EPE 0.300 m. Left: truth. Right: mnsf."
+    (caption,) = re.findall("<figcaption>([^<]+)<", page.source)
+    assert caption == (
+        "street, sweep 3, 3.000 s: EPE 0.300 m. Left: truth. Middle: mnsf. Right: errors from "
+        "above, to 50 m, red from 0.3 m."
+    )
     for file in (tmp_path / "pictures").rglob("*.png"):
         file.unlink()
         # Whoever opened it would wait.

@@ -18,7 +18,7 @@ from mnsf_ros.report.results_files import (
     write_results,
 )
 from mnsf_ros.report.run_results import results_of
-from mnsf_ros.report.tables import missed_table
+from mnsf_ros.report.tables import missed_tables
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_movers_that_were_missed_most_often_come_first():
             row(number, "mnsf", 0.1, movers=MoverRow((1, 0, 0), 0, objects=[item]))
             for number, item in enumerate(items)
         ]
-        return [line[:3] for line in missed_table(rows, method).rows]
+        return [line[:3] for table in missed_tables(rows, method) for line in table.rows]
 
     assert missed([1, 2, 2, 1, 2]) == [
         ("street: car", "3", "1.000"),

@@ -126,9 +126,7 @@ def test_interrupted_search_says_how_to_go_on(street, tmp_path, capsys, monkeypa
 
 def test_missing_optuna_is_said_first(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "optuna", None)
-    assert (
-        run(["tune", str(tmp_path / "missing.mcap"), "--out", str(tmp_path / "out")]) == EXIT_USAGE
-    )
+    assert run(["tune", str(tmp_path), "--out", str(tmp_path / "out")]) == EXIT_USAGE
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "'optuna' is not installed" in said

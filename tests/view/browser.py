@@ -117,15 +117,23 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def show_as(self, width: int, height: int, scheme: str) -> None:
+        """Changes the size of the window, and the system to `light` or `dark`."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self._call("Emulation.setDeviceMetricsOverride", **size)
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._call("Emulation.setEmulatedMedia", features=features)
+
     def seek(self, position_s: float) -> None:
         # In one: what the player tells in between would move the bar back.
         bar = "document.querySelector('#time')"
         self.value(f"{bar}.value = {position_s}, {bar}.onchange()")
 
-    def press(self, key: str, **options: object) -> bool:
-        """Presses a key in the page; whether the page has used it."""
+    def press(self, key: str, *, on: str = "body", **options: object) -> bool:
+        """Presses a key on an element of the page; whether the page has used it."""
         event = json.dumps({"key": key, "bubbles": True, "cancelable": True} | options)
-        return not self.value(f"document.body.dispatchEvent(new KeyboardEvent('keydown', {event}))")
+        element = f"document.querySelector({on!r})"
+        return not self.value(f"{element}.dispatchEvent(new KeyboardEvent('keydown', {event}))")
 
     def picture(self) -> np.ndarray:
         """The page as it is seen, (H, W, 3)."""

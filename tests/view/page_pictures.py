@@ -1,11 +1,15 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Makes the pictures of the page in the README: `make picture`, which needs Chromium.
 
-python tests/view/page_pictures.py RECORDING SECOND FOLDER
+python tests/view/page_pictures.py RECORDING SECOND FOLDER [REAL SECOND]
+
+REAL is a recording of a real drive.
 """
 
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from browser import Browser, served
@@ -24,27 +28,48 @@ STREET = f"{BOX}(document.querySelector('#points').getBoundingClientRect())"
 
 
 def main() -> None:
-    """Pauses at a second, and selects the nearest vehicle that moves; then steps on."""
+    """Draws the page and the street of a recording, and a real drive if one is named."""
     recording, second, folder = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3])
+    with paused(recording, second) as browser:
+        draw_page(browser, folder / "page.webp")
+        draw_street(browser, folder / "street.webp")
+    if sys.argv[4:]:
+        with paused(sys.argv[4], float(sys.argv[5])) as browser:
+            frame_of(browser).save(folder / "drive.webp", quality=80, method=6)
+
+
+@contextmanager
+def paused(recording: str, second: float) -> Iterator[Browser]:
+    """The page of a recording at a second, dark."""
     with (
         tempfile.TemporaryDirectory() as profile,
         served(recording) as url,
         Browser(url, Path(profile), SIZE) as browser,
     ):
+        browser.show_as(*SIZE, "dark")
         browser.until(STAMP)
         browser.click("#play")
         seek(browser, second)
-        for _ in range(30):
-            browser.press("n")
-            if browser.value(SPEED) is None or browser.value(SPEED) > FASTER_THAN_M_S:
-                break
-        browser.until(HAS_REASONS)
-        Image.fromarray(browser.picture()).save(folder / "page.webp", quality=80, method=6)
-        browser.click("#forget")
-        seek(browser, 1.0)
-        first, *others = (frame_of(browser) for _ in range(NUM_FRAMES))
-        options = {"duration": INTERVAL_MS, "loop": 0, "quality": 45, "method": 4}
-        first.save(folder / "street.webp", save_all=True, append_images=others, **options)
+        yield browser
+
+
+def draw_page(browser: Browser, file: Path) -> None:
+    """With the nearest vehicle that moves selected."""
+    for _ in range(30):
+        browser.press("n")
+        if browser.value(SPEED) is None or browser.value(SPEED) > FASTER_THAN_M_S:
+            break
+    browser.until(HAS_REASONS)
+    Image.fromarray(browser.picture()).save(file, quality=80, method=6)
+    browser.click("#forget")
+
+
+def draw_street(browser: Browser, file: Path) -> None:
+    """An animation."""
+    seek(browser, 1.0)
+    first, *others = (frame_of(browser) for _ in range(NUM_FRAMES))
+    options = {"duration": INTERVAL_MS, "loop": 0, "quality": 45, "method": 4}
+    first.save(file, save_all=True, append_images=others, **options)
 
 
 def seek(browser: Browser, second: float) -> None:

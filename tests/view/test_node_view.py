@@ -15,9 +15,11 @@ import pytest
 from websockets.sync.client import connect
 
 pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from ruamel.yaml import YAML
 from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import TrackedObject
@@ -173,6 +175,37 @@ def test_object_that_is_gone_is_asked_about_where_it_was(address: str) -> None:
             for stamp_s in (11, 12):
                 front.publish(stamp_s, without="objects")
             front.until(lambda: (11, 1.0) in asked)
+
+
+def test_own_body_of_a_node_is_shown_and_saved(address: str) -> None:
+    with (
+        RawTopics("front") as ros,
+        closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer,
+    ):
+        NodeParameters(ros.node)
+        publisher = ros.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        values = {"own body": "130 points within 2.1 m", "own body boxes": "-2.1 -1 0 0 1 0.5"}
+        status = DiagnosticStatus(name="front: flow")
+        status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+        no_boxes = KeyValue(key="own body boxes", value="1 2; x")
+        others = [DiagnosticStatus(name="front: flow", values=[no_boxes])]
+        raw, bad = (serialize_message(DiagnosticArray(status=one)) for one in ([status], others))
+        newest: dict[str, dict] = {}
+        give_up_s = time.monotonic() + PATIENCE_S
+        while not newest.get("knobs", {}).get("body"):
+            assert time.monotonic() < give_up_s, newest.keys()
+            publisher.publish(bad)
+            publisher.publish(raw)
+            ros.spin_for(0.05)
+            with suppress(TimeoutError):
+                while isinstance(text := viewer.recv(timeout=0), str):
+                    message = json.loads(text)
+                    newest[message["kind"]] = message
+        knobs = newest["knobs"]
+        assert knobs["body"] == [[-2.1, -1.0, 0.0, 0.0, 1.0, 0.5]]
+        assert (knobs["changed"], knobs["saved"]) == ([], ["crop.own_body"])
+        saved = YAML(typ="safe").load(knobs["file"])["/**"]["ros__parameters"]
+        assert saved == {"crop": {"own_body": "-2.1 -1 0 0 1 0.5"}}
 
 
 def test_parameters_of_a_node_by_whomever_they_are_set(address: str) -> None:

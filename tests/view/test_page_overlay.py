@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the page draws over the points: legend and labels, in a browser."""
+"""What the page shows over and beside the points, in a browser: legend, labels, keys, sizes."""
 
 import base64
 import io
@@ -23,6 +23,13 @@ BOXES = (
     ".map(({left, top, right, bottom}) => [left, top, right, bottom])"
 )
 LABEL_ALPHA = 0xE0
+# What stands over the street, each a box of its own.
+STANDING = (
+    "[...document.querySelectorAll('header, nav .switch, #words, #player > *, aside')]"
+    ".map((one) => one.getBoundingClientRect()).filter(({ width }) => width)"
+    ".map(({ left, top, right, bottom }) => [left, top, right, bottom])"
+)
+LIT = "[...document.querySelectorAll('nav .on[id]')].map(({ id }) => id).join()"
 
 
 def show_layer(server: PageServer, layer: str) -> None:
@@ -86,3 +93,65 @@ def test_labels_keep_clear_of_title_and_buttons(server: PageServer, browser: Bro
     assert len(boxes) == 2
     for left, top, right, bottom in boxes:
         assert not is_label[top:bottom, left:right].any()
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_nothing_stands_over_anything_else(
+    server: PageServer, browser: Browser, width: int
+) -> None:
+    browser.show_as(width, 780, "light")
+    show_layer(server, "estimate")
+    server.refuse("objects.max_speed_m_s: got 999, expected at most 100: " * 3)
+    browser.until("!document.querySelector('#player').hidden")
+    for _ in range(2):
+        boxes = np.asarray(browser.value(STANDING))
+        apart = (boxes[:, None, 2:] <= boxes[None, :, :2] + 1).any(axis=2)
+        assert (apart | apart.T | np.eye(len(boxes), dtype=bool)).all()
+        assert boxes.min() >= 0
+        assert boxes[:, 2].max() <= width
+        assert boxes[:, 3].max() <= 780
+        browser.press("p")
+
+
+def test_keys_work_after_a_click_on_the_time_bar(server: PageServer, browser: Browser) -> None:
+    show_layer(server, "estimate")
+    browser.until("!document.querySelector('#player').hidden")
+    browser.until(f"{LIT} === 'orbit,follow,fold'")
+    assert browser.press("t", on="#time")
+    browser.until(f"{LIT} === 'top,follow,fold'")
+    assert browser.press("ArrowRight", on="#time")
+    assert server.commands.get_nowait() == {"do": "joined"}
+    assert server.commands.get(timeout=60) == {"do": "step", "by": 1}
+    # Fields have their own keys.
+    assert not browser.press("t", on="#filter")
+    assert not browser.press(" ", on="#play")
+    is_open = "document.querySelector('#keys').open"
+    assert browser.press("?")
+    assert browser.value(is_open)
+    assert "play or pause" in browser.value("document.querySelector('#keys').innerText")
+    assert not browser.press("t")
+    browser.press("?")
+    assert not browser.value(is_open)
+    assert browser.press("p")
+    browser.until(f"{LIT} === 'top,follow'")
+    assert not browser.errors
+
+
+def test_the_page_is_light_or_dark_as_the_system_is(server: PageServer, browser: Browser) -> None:
+    corner = np.s_[200:230, 5:35]
+    for scheme, is_light in (("light", True), ("dark", False), ("light", True)):
+        browser.show_as(1000, 640, scheme)
+        browser.until(f"matchMedia('(prefers-color-scheme: {scheme})').matches")
+        # The browser may show a frame a little after the page has drawn it.
+        pictures = (browser.picture() for _ in range(50))
+        assert any((each[corner] > 128).all() == is_light for each in pictures)
+
+
+def test_a_page_without_a_sweep_says_what_it_waits_for(
+    server: PageServer, browser: Browser
+) -> None:
+    waiting = "document.querySelector('#waiting')"
+    server.tell("waiting", text="waiting for /flow: no sweep on /points")
+    browser.until(f"{waiting}.textContent.includes('no sweep on /points')")
+    show_objects(server, np.empty((0, 3)))
+    browser.until(f"{waiting}.hidden")

@@ -33,7 +33,7 @@ class Viewer:
         self._thread.start()
         self.newest: dict[str, dict] = {}
         self.send(do="pause")
-        self.until(lambda: "scene" in self.newest and self._is_quiet())
+        self.until(lambda: {"scene", "refused"} & {*self.newest} and self._is_quiet())
 
     def _run(self) -> None:
         while not self._is_over:
@@ -179,6 +179,14 @@ def test_settings_without_any_flow_are_told_and_can_be_taken_back(viewing) -> No
     viewer.newest.pop("scene")
     viewer.send(do="reset")
     viewer.until(lambda: "scene" in viewer.newest and viewer.sees(0.0))
+
+
+def test_a_recording_without_any_flow_says_why(viewing, caplog) -> None:
+    viewer = viewing(preset("online").changed({"buffer.max_interval_s": 0.05}))
+    text = viewer.newest["refused"]["text"]
+    assert text.startswith("no sweep has a flow with these settings: three sweeps in a row")
+    assert text.endswith("at most 0.05 s apart")
+    assert text in caplog.text
 
 
 @pytest.mark.parametrize(

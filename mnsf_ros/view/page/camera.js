@@ -44,6 +44,10 @@ export class Camera {
     Object.assign(this, { distance: 90, elevation: HIGHEST });
   }
 
+  get isAbove() {
+    return this.elevation === HIGHEST;
+  }
+
   orbit(dx, dy) {
     this.azimuth -= 0.006 * dx;
     this.elevation = Math.min(HIGHEST, Math.max(0.03, this.elevation + 0.006 * dy));

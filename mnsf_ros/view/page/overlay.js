@@ -2,8 +2,8 @@
 // All over the points: boxes, labels, paths, the sensor, and the legend.
 
 import { moved, yawOf } from "./camera.js";
+import { shownColor, shownHex, theme } from "./theme.js";
 
-const INK = "#e1e4e8", FAINT = "#8c939c", GROUND = "#0d0f14";
 const RINGS_M = [10, 20, 40, 80];
 const EDGES = [[0, 1], [1, 3], [3, 2], [2, 0], [4, 5], [5, 7], [7, 6], [6, 4],
   [0, 4], [1, 5], [2, 6], [3, 7]];
@@ -15,8 +15,13 @@ export class Overlay {
   constructor(canvas, fullSpeed) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.wheel = wheelImage(2 * WHEEL_PX);
     this.fullSpeed = fullSpeed;
+    this.body = [];  // boxes of the own body, a lower and an upper corner each
+    this.readTheme();
+  }
+
+  readTheme() {
+    this.wheel = wheelImage(2 * WHEEL_PX);
   }
 
   // A drawing of one scene: `clipFromFrame` of the camera, `frameFromSensor`, `frameFromWorld`.
@@ -26,15 +31,16 @@ export class Overlay {
     context.setTransform(view.scale, 0, 0, view.scale, 0, 0);
     context.clearRect(0, 0, view.width, view.height);
     if (scene) {
+      const objects = scene.objects.map((item) => ({ ...item, color: shownHex(item.color) }));
       this.drawRings(scene);
-      this.drawPath(scene.ego.map((at) => [at[0], at[1], at[2] + scene.groundZ]), INK, 1.5, 0.5);
+      this.drawPath(scene.ego.map((at) => [at[0], at[1], at[2] + scene.groundZ]), theme.ink, 1.5, 0.5);
       this.drawSensor(scene.groundZ);
-      for (const item of scene.objects) this.drawPath(item.path, item.color, 2, 0.9);
-      for (const item of scene.objects) this.drawBox(item, item.id === view.selected.track);
+      this.drawBody();
+      for (const item of objects) this.drawPath(item.path, item.color, 2, 0.9);
+      for (const item of objects) this.drawBox(item, item.id === view.selected.track);
       if (view.selected.at && !view.selected.track) this.drawMark(view.selected.at, scene.groundZ);
-      this.drawLabels(scene.objects, view.selected.track);
+      this.drawLabels(objects, view.selected.track);
     }
-    if (!scene) this.text("no sweep yet", view.width / 2, view.bottom / 2, FAINT, "center", 14);
     this.drawLegend(view.layer);
   }
 
@@ -93,12 +99,12 @@ export class Overlay {
     const around = (radius, turn) => moved(this.frameFromSensor,
       [radius * Math.cos(turn), radius * Math.sin(turn), groundZ]);
     for (const radius of RINGS_M) {
-      this.stroke("#5b6472", 1, 0.45, () => {
+      this.stroke(theme.ring, 1, 0.45, () => {
         for (let k = 0; k < 72; k++)
           this.line(around(radius, k * Math.PI / 36), around(radius, (k + 1) * Math.PI / 36));
       });
       const at = this.pixelOf([0, -radius, groundZ]);
-      if (at) this.text(`${radius} m`, at[0] + 4, at[1] - 4, FAINT, "left", 11);
+      if (at) this.text(`${radius} m`, at[0] + 4, at[1] - 4, theme.faint, "left", 11);
     }
   }
 
@@ -111,17 +117,18 @@ export class Overlay {
 
   drawSensor(groundZ) {
     this.fill([[1.5, 0], [-1.1, 0.75], [-0.5, 0], [-1.1, -0.75]]
-      .map(([x, y]) => moved(this.frameFromSensor, [x, y, groundZ])), INK, 1);
+      .map(([x, y]) => moved(this.frameFromSensor, [x, y, groundZ])), theme.ink, 1);
   }
 
   drawMark([x, y], groundZ) {
-    this.stroke(INK, 2, 1, () => {
+    this.stroke(theme.ink, 2, 1, () => {
       for (const [dx, dy] of [[1, 0], [0, 1]])
         this.line(moved(this.frameFromSensor, [x - dx, y - dy, groundZ]),
           moved(this.frameFromSensor, [x + dx, y + dy, groundZ]));
     });
   }
 
+  // In the frame of the sensor.
   corners({ center, size, yaw }) {
     const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
     const result = [];
@@ -133,14 +140,36 @@ export class Overlay {
     return result;
   }
 
+  placedCorners(box) {
+    return this.corners(box).map((corner) => moved(this.frameFromSensor, corner));
+  }
+
+  // The boxes of the robot's own body, the first one with its name.
+  drawBody() {
+    this.body.forEach(([x, y, z, ...high], place) => {
+      const size = [high[0] - x, high[1] - y, high[2] - z];
+      const center = [x, y, z].map((low, axis) => low + size[axis] / 2);
+      const corners = this.placedCorners({ center, size, yaw: 0 });
+      this.context.setLineDash([2, 3]);
+      this.strokeEdges(corners, theme.faint, 1, 1);
+      this.context.setLineDash([]);
+      const at = this.pixelOf([center[0], center[1], high[2]]);
+      if (at && !place) this.text("own body", at[0], at[1] - 4, theme.faint, "center", 11);
+    });
+  }
+
+  strokeEdges(corners, color, width, alpha) {
+    this.stroke(color, width, alpha, () => {
+      for (const [first, second] of EDGES) this.line(corners[first], corners[second]);
+    });
+  }
+
   drawBox(item, isSelected) {
-    const corners = this.corners(item).map((corner) => moved(this.frameFromSensor, corner));
+    const corners = this.placedCorners(item);
     const context = this.context;
     this.fill([0, 1, 3, 2].map((k) => corners[k]), item.color, isSelected ? 0.4 : 0.18);
     context.setLineDash(item.points ? [] : [5, 5]);
-    this.stroke(item.color, isSelected ? 3 : 1.6, isSelected ? 1 : 0.85, () => {
-      for (const [first, second] of EDGES) this.line(corners[first], corners[second]);
-    });
+    this.strokeEdges(corners, item.color, isSelected ? 3 : 1.6, isSelected ? 1 : 0.85);
     context.setLineDash([]);
     // Where it is in a second.
     const ahead = [item.center[0] + Math.cos(item.course) * item.speed,
@@ -168,8 +197,8 @@ export class Overlay {
       if (!box) continue;
       placed.push(box);
       this.drawLabel(at, box, item.color);
-      this.text(texts[0], box[0] + 9, box[1] + 14, INK, "left", 12);
-      this.text(texts[1], box[0] + 17 + widths[0], box[1] + 14, FAINT, "left", 12);
+      this.text(texts[0], box[0] + 9, box[1] + 14, theme.ink, "left", 12);
+      this.text(texts[1], box[0] + 17 + widths[0], box[1] + 14, theme.faint, "left", 12);
     }
   }
 
@@ -191,7 +220,7 @@ export class Overlay {
       context.moveTo(Math.min(Math.max(x, left + 4), right - 4), bottom);
       context.lineTo(x, y);
     });
-    context.fillStyle = "#11141ae0";
+    context.fillStyle = theme.label;
     context.beginPath();
     context.roundRect(left, top, right - left, LABEL_PX, 5);
     context.fill();
@@ -204,10 +233,10 @@ export class Overlay {
     const [x, y] = [this.width - half - 30, this.bottom - half - 40];
     if (layer === "error") {
       const ramp = context.createLinearGradient(x - 60, 0, x + half, 0);
-      ["#343a48", "#e2b02c", "#ff3a28"].forEach((color, k) => ramp.addColorStop(k / 2, color));
+      [theme.ring, "#e2b02c", "#ff3a28"].forEach((color, k) => ramp.addColorStop(k / 2, color));
       context.fillStyle = ramp;
       context.fillRect(x - 60, y + 30, half + 60, 8);
-      this.text("error of the flow, 0 to 0.3 m", x + half, y + 56, FAINT, "right", 11);
+      this.text("error of the flow, 0 to 0.3 m", x + half, y + 56, theme.faint, "right", 11);
       return;
     }
     const turn = this.azimuth - yawOf(this.frameFromSensor);
@@ -217,14 +246,14 @@ export class Overlay {
     context.drawImage(this.wheel, -half, -half, WHEEL_PX, WHEEL_PX);
     context.restore();
     const away = half + 11;
-    this.text("ahead", x + Math.sin(turn) * away, y - Math.cos(turn) * away + 4, FAINT, "center", 11);
-    this.text(`full colour ${this.fullSpeed} m/s`, x + half, y + half + 28, FAINT, "right", 11);
+    this.text("ahead", x + Math.sin(turn) * away, y - Math.cos(turn) * away + 4, theme.faint, "center", 11);
+    this.text(`full colour ${this.fullSpeed} m/s`, x + half, y + half + 28, theme.faint, "right", 11);
   }
 
   text(text, x, y, color, align, size) {
     const context = this.context;
     context.font = `${size}px system-ui, "DejaVu Sans", sans-serif`;
-    Object.assign(context, { textAlign: align, lineWidth: 3, strokeStyle: GROUND });
+    Object.assign(context, { textAlign: align, lineWidth: 3, strokeStyle: theme.ground });
     context.lineJoin = "round";
     context.strokeText(text, x, y);
     context.fillStyle = color;
@@ -247,7 +276,7 @@ function wheelImage(size) {
         return 255 * (neutral + strength * (Math.min(1, Math.max(0, 2 - off)) - neutral));
       });
       const alpha = 255 * Math.min(1, Math.max(0, (1 - radius) * size / 2));
-      image.data.set([...rgb, alpha], 4 * (row * size + column));
+      image.data.set([...shownColor(rgb), alpha], 4 * (row * size + column));
     }
   context.putImageData(image, 0, 0);
   return canvas;

@@ -3,8 +3,9 @@
 
 import { Camera, IDENTITY, inverse, moved, product } from "./camera.js";
 import { Overlay } from "./overlay.js";
-import { element, Knobs, Player, showSelection, Status } from "./panel.js";
+import { element, Knobs, Player, showSelection, showValues, Status } from "./panel.js";
 import { Points } from "./points.js";
+import { followSystem } from "./theme.js";
 
 const FULL_SPEED_M_S = 5;
 const RETRY_MS = 1000;
@@ -41,10 +42,16 @@ const HANDLERS = {
     showLayers(message.layers);
     draw();
   },
-  knobs: (message) => knobs.show(message),
+  knobs(message) {
+    knobs.show(message);
+    overlay.body = message.body;
+    draw();
+  },
+  waiting: ({ text }) => { find("#waiting").textContent = text; },
   status: (message) => status.show(message),
   refused: ({ text }) => notice(text, 6000),
-  reasons({ lines }) {
+  reasons({ lines, track }) {
+    if (track !== selected.track) return;
     selected.lines = lines;
     describeSelection();
   },
@@ -84,6 +91,7 @@ function showScene(data) {
   const start = 4 + length, count = head.numPoints;
   const xyz = new Float32Array(data, start, 3 * count);
   scene = { ...head, xyz, groundZ: groundOf(xyz, scene?.groundZ) };
+  find("#waiting").hidden = true;
   points.show(xyz, new Uint32Array(data, start + 12 * count, count));
   find("#stamp").textContent = `${head.stamp} s`;
   const item = scene.objects.find(({ id }) => id === selected.track);
@@ -119,13 +127,16 @@ function draw() {
     const frameFromWorld = follows ? inverse(scene?.pose ?? IDENTITY) : IDENTITY;
     const clipFromFrame = camera.clipFromFrame(width / height);
     points.draw(product(clipFromFrame, frameFromSensor), camera.distance);
-    const bottom = find("#player").hidden ? height : find("#player").offsetTop;
-    const covered = [...document.querySelectorAll("header, nav")].map((one) => {
+    const bottom = find("#player").hidden ? height : find("#player").getBoundingClientRect().top;
+    const covered = [...document.querySelectorAll("header, nav, #words")].map((one) => {
       const { left, top, right, bottom } = one.getBoundingClientRect();
       return [left, top, right, bottom];
     });
     overlay.draw(scene, { clipFromFrame, frameFromSensor, frameFromWorld, width, height, bottom,
       covered, scale, selected, layer, azimuth: camera.azimuth });
+    for (const [name, isOn] of [["top", camera.isAbove], ["orbit", !camera.isAbove],
+      ["follow", follows], ["fold", !document.body.classList.contains("folded")]])
+      find(`#${name}`).classList.toggle("on", isOn);
     Object.assign(document.body.dataset, { stamp: scene?.stamp ?? "", layer });
   });
 }
@@ -148,7 +159,11 @@ function showLayers(names) {
 function setFollowing(isOn) {
   if (scene && isOn !== follows) camera.changeFrame(isOn ? inverse(scene.pose) : scene.pose);
   follows = isOn;
-  find("#follow").classList.toggle("on", follows);
+  draw();
+}
+
+function setFolded(isFolded) {
+  document.body.classList.toggle("folded", isFolded);
   draw();
 }
 
@@ -177,6 +192,7 @@ function describeSelection() {
 function select(track, at) {
   selected = { track, at, lines: [] };
   send(at ? { do: "explain", at, track } : { do: "forget" });
+  if (at) setFolded(false);
   describeSelection();
   draw();
 }
@@ -237,31 +253,48 @@ canvas.onwheel = (event) => {
   draw();
 };
 
+// Key to what it does, in words and as a function.
 const KEYS = {
-  " ": () => player.toggle(),
-  "ArrowLeft": () => send({ do: "step", by: -1 }),
-  "ArrowRight": () => send({ do: "step", by: 1 }),
-  "f": () => setFollowing(!follows),
-  "o": () => look("lookFromBehind"),
-  "t": () => look("lookFromAbove"),
-  "n": selectNext,
-  "1": () => send({ do: "layer", name: "estimate" }),
-  "2": () => send({ do: "layer", name: "truth" }),
-  "3": () => send({ do: "layer", name: "error" }),
-  "Escape": () => select(0, null),
+  " ": ["play or pause", () => player.toggle()],
+  "ArrowLeft": ["one sweep back", () => send({ do: "step", by: -1 })],
+  "ArrowRight": ["one sweep on", () => send({ do: "step", by: 1 })],
+  "n": ["next object, the nearest first", selectNext],
+  "Escape": ["no object", () => select(0, null)],
+  "o": ["look from behind and above", () => look("lookFromBehind")],
+  "t": ["look from above", () => look("lookFromAbove")],
+  "f": ["follow the sensor", () => setFollowing(!follows)],
+  "1": ["estimate", () => send({ do: "layer", name: "estimate" })],
+  "2": ["truth, if it is known", () => send({ do: "layer", name: "truth" })],
+  "3": ["error of the flow, if it is known", () => send({ do: "layer", name: "error" })],
+  "p": ["panel", () => setFolded(!document.body.classList.contains("folded"))],
+  "?": ["these keys", toggleKeys],
 };
+const NAMES = { " ": "space", "ArrowLeft": "\u2190", "ArrowRight": "\u2192", "Escape": "esc" };
+const MOUSE = { "drag": "turn", "shift drag": "move", "wheel": "zoom", "click": "why?" };
+
+function toggleKeys() {
+  const dialog = find("#keys");
+  if (dialog.open) dialog.close();
+  else dialog.showModal();
+}
+
+// The time bar has the keys of the page; other fields and, for the space bar, buttons their own.
 document.onkeydown = (event) => {
-  const isOfPage = event.target.closest(event.key === " " ? "input, select, button, summary"
-    : "input, select");
-  if (isOfPage || event.ctrlKey || event.metaKey || event.altKey || !KEYS[event.key]) return;
+  const isOfField = event.target.closest(event.key === " "
+    ? "input:not(#time), select, button, summary" : "input:not(#time), select");
+  const isOfDialog = find("#keys").open && event.key !== "?";
+  if (isOfField || isOfDialog || event.ctrlKey || event.metaKey || event.altKey || !KEYS[event.key])
+    return;
   event.preventDefault();
-  KEYS[event.key]();
+  KEYS[event.key][1]();
 };
 
-find("#orbit").onclick = KEYS.o;
-find("#top").onclick = KEYS.t;
-find("#follow").onclick = KEYS.f;
-find("#forget").onclick = KEYS.Escape;
+for (const [id, key] of Object.entries({ orbit: "o", top: "t", follow: "f", fold: "p", help: "?",
+  forget: "Escape" })) find(`#${id}`).onclick = KEYS[key][1];
+find("#keys").onclick = () => find("#keys").close();
+showValues(find("#keys dl"), { ...Object.fromEntries(Object.entries(KEYS).map(([key, [text]]) =>
+  [NAMES[key] ?? key, text])), ...MOUSE });
+followSystem(() => { overlay.readTheme(); status.draw(); draw(); });
 new ResizeObserver(draw).observe(canvas);
 connect();
-draw();
+setFolded(innerWidth <= 800);

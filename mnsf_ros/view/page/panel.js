@@ -1,6 +1,8 @@
 // Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 // The right side and the time bar: selection, status, parameters, player.
 
+import { theme } from "./theme.js";
+
 const find = (selector) => document.querySelector(selector);
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 const LATENCIES = 120;
@@ -12,7 +14,7 @@ export function element(name, properties = {}, ...children) {
   return made;
 }
 
-function showValues(list, values) {
+export function showValues(list, values) {
   list.replaceChildren(...Object.entries(values).flatMap(([name, value]) =>
     [element("dt", { textContent: name }), element("dd", { textContent: value })]));
 }
@@ -79,13 +81,13 @@ export class Status {
     // The first estimate may take much longer than the others.
     const sorted = [...this.latencies].sort((a, b) => a - b);
     const highest = Math.max(10, 1.5 * (sorted[Math.floor(0.9 * (sorted.length - 1))] ?? 0));
-    context.strokeStyle = "#6cb6ff";
+    context.strokeStyle = theme.accent;
     context.beginPath();
     const first = LATENCIES - this.latencies.length;
     this.latencies.forEach((value, k) =>
       context.lineTo((first + k) * width / (LATENCIES - 1), height * (1 - value / highest)));
     context.stroke();
-    context.fillStyle = "#8c939c";
+    context.fillStyle = theme.faint;
     context.font = "11px system-ui, sans-serif";
     context.fillText(`${highest.toFixed(0)} ms`, 2, 11);
   }
@@ -113,7 +115,7 @@ export class Knobs {
     find("#save").onclick = () => this.save();
   }
 
-  show({ groups, file, changed }) {
+  show({ groups, file, changed, saved }) {
     this.file = file;
     const names = groups.flatMap((group) => group.knobs.map((knob) => knob.name)).join();
     if (names !== this.names) this.build(groups);
@@ -123,8 +125,10 @@ export class Knobs {
       const isChanged = knob.value !== knob.default;
       this.inputs.get(knob.name).row.classList.toggle("changed", isChanged);
     }
-    find("#save").disabled = find("#reset").disabled = changed.length === 0;
-    find("#save").textContent = changed.length ? `save changes (${changed.length})` : "save changes";
+    find("#reset").disabled = changed.length === 0;
+    find("#save").disabled = saved.length === 0;
+    find("#save").textContent = saved.length ? `save changes (${saved.length})` : "save changes";
+    find("#save").title = saved.join(", ");
   }
 
   build(groups) {

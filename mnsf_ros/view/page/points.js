@@ -1,12 +1,15 @@
 // Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 // The points of a sweep, drawn by WebGL.
 
+import { theme } from "./theme.js";
+
 const VERTEX = `#version 300 es
 layout(location = 0) in vec3 position;
 layout(location = 1) in uint packed_color;
 uniform mat4 clip_from_sensor;
 uniform float pixels_per_metre;  // of something 1 m away
 uniform float distance;
+uniform bool is_light;  // of the page
 out vec3 color;
 flat out float is_large;
 void main() {
@@ -22,6 +25,11 @@ void main() {
   else  // the ground and what is far away stay in the background
     color *= mix(vec3(0.5, 0.55, 0.66), vec3(1.3, 1.34, 1.42), height)
       * clamp(1.35 - 0.35 * depth / distance, 0.4, 1.1);
+  float luminance = dot(color, vec3(0.3, 0.59, 0.11));
+  if (is_light && is_large > 0.5)
+    color *= min(1.0, 0.55 / max(luminance, 0.001));
+  else if (is_light)  // what is dark on dark is light on light
+    color += 1.0 - 2.0 * luminance;
 }`;
 const FRAGMENT = `#version 300 es
 precision mediump float;
@@ -51,7 +59,6 @@ export class Points {
     [this.positions, this.colors] = [gl.createBuffer(), gl.createBuffer()];
     this.count = 0;
     gl.enable(gl.DEPTH_TEST);
-    gl.clearColor(13 / 255, 15 / 255, 20 / 255, 1);
   }
 
   show(xyz, colors) {
@@ -66,12 +73,15 @@ export class Points {
   draw(clipFromSensor, distance) {
     const gl = this.gl, { width, height } = gl.canvas;
     gl.viewport(0, 0, width, height);
+    const ground = [1, 3, 5].map((at) => parseInt(theme.ground.slice(at, at + 2), 16) / 255);
+    gl.clearColor(...ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(this.program);
     const place = (name) => gl.getUniformLocation(this.program, name);
     gl.uniformMatrix4fv(place("clip_from_sensor"), true, clipFromSensor);
     gl.uniform1f(place("pixels_per_metre"), height);
     gl.uniform1f(place("distance"), distance);
+    gl.uniform1i(place("is_light"), theme.isLight);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.positions);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
