@@ -11,12 +11,16 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
 
 
 @pytest.fixture
-def street(make_street, own_domain):
+def street(tmp_path, own_domain):
     """A lidar that stands in a street, which is published again and again."""
-    path = make_street(duration_s=2.0, num_beams=32, num_columns=256, ego_speed_m_s=0.0)
+    settings = SimulationSettings(duration_s=2.0, num_beams=32, num_columns=256, ego_speed_m_s=0.0)
+    path = tmp_path / "street"
+    write_recording(settings, path)
     command = [sys.executable, "-m", "mnsf_ros.cli", "play", str(path), "--loop"]
     with Popen(command) as player, contextlib.ExitStack() as stack:
         stack.callback(player.terminate)
