@@ -47,6 +47,7 @@ _MAIN: Final = {
     "false movers": ("false movers a sweep", False),
     "dynamic EPE": ("EPE dynamic (m)", False),
     "dynamic EPE, two sweeps": ("two sweeps", False),
+    "cost": ("CPU (ms)", False),
 }
 _MORE: Final = {
     "found": ("movers found", True),

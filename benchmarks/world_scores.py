@@ -217,6 +217,7 @@ def world_score(world: World, scenario: str = "random", method: str = "online") 
         "velocity": summary["movers.velocity_error_m_s"],
         "ego motion": float(np.mean([one.ego_error_m for one in run])),
         "own body moves": float(np.mean([one.own_body_moves for one in run])),
+        "cost": float(np.median([one.cpu_ms for one in run])),
         "stops": len(held),
         "held": sum(held),
         "released": sum(released),

@@ -30,7 +30,10 @@ class TimeSettings:
     """Times of the points of a cloud."""
 
     field: str = declared(
-        "auto", "Field with the time of each point. auto: one of the usual names; none: no times"
+        "auto",
+        "Field with the time of each point. auto: one of the usual names; none: no times; or, of a "
+        "turning lidar without such a field, its sense and where a sweep begins: clockwise:180, "
+        "counterclockwise:-90 (azimuth in degrees)",
     )
     unit: str = declared(
         "auto",
@@ -40,6 +43,26 @@ class TimeSettings:
     stamp: str = declared(
         "auto", "Point measured at the stamp; auto: by the values", choices=("auto", "start", "end")
     )
+
+    @property
+    def rotation(self) -> tuple[bool, float] | None:
+        """Whether the lidar turns clockwise, and where it begins, of a `field` that says so.
+
+        Raises:
+            SettingsError: If it says no angle.
+        """
+        sense, _, start = self.field.partition(":")
+        if sense not in ("clockwise", "counterclockwise"):
+            return None
+        try:
+            start_deg = float(start) % 360.0
+        except ValueError:
+            start_deg = math.nan
+        if math.isnan(start_deg):
+            raise SettingsError(
+                f"time.field: got {self.field!r}, expected an azimuth in degrees: {sense}:180"
+            )
+        return sense == "clockwise", start_deg
 
 
 @dataclass(frozen=True)
@@ -603,7 +626,7 @@ class Settings:
                     f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
                     f"which is {larger!r}"
                 )
-        _ = self.crop.own_boxes
+        _ = self.crop.own_boxes, self.time.rotation
         kind = self.distance.kind
         if kind in ("bricks", "cells") and not self.distance.truncation_m:
             raise SettingsError(

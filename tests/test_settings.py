@@ -115,6 +115,10 @@ def test_unknown_names():
             for text in ("", "0 0 0 1 1", "0 0 0 1 1 one", "0 0 0 1 1 nan")
         ),
         (
+            {"time.field": "clockwise:north"},
+            "time.field: got 'clockwise:north', expected an azimuth in degrees: clockwise:180",
+        ),
+        (
             {"crop.max_height_m": -25},
             "crop.min_height_m: got -20.0, expected less than crop.max_height_m, which is -25.0",
         ),

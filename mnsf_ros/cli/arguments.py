@@ -3,6 +3,7 @@
 
 import argparse
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -85,7 +86,7 @@ class Arguments:
 
     def existing(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
         """Adds an argument or option with paths, which must be there, as for `value`."""
-        self.value(name, text, _existing, **others)
+        self.value(name, text, existing_path, **others)
 
     def points(self) -> None:
         """Adds `--points`, the topic of the sweeps."""
@@ -139,7 +140,24 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
     return settings
 
 
-def _existing(text: str) -> Path:
+def number_within(least: float, most: float) -> Callable[[str], float]:
+    """Returns a converter of text to a number within bounds, for `Arguments.value`."""
+
+    def number(text: str) -> float:
+        with suppress(ValueError):
+            if least <= float(text) <= most:
+                return float(text)
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected {least:g} to {most:g}")
+
+    return number
+
+
+def existing_path(text: str) -> Path:
+    """Returns the path of a file or folder.
+
+    Raises:
+        RecordingError: There is none.
+    """
     if not (path := Path(text)).exists():
         raise RecordingError(f"{text}: no such file or folder")
     return path

@@ -1,15 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""`mnsf doctor`: what a recording is, and what of it does not fit the method."""
+"""`mnsf doctor`: what a recording or a topic is, and what of it does not fit the method."""
 
 import argparse
 import json
-from contextlib import suppress
+import re
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.cli.arguments import Arguments, chosen_settings
-from mnsf_ros.cli.console import Console
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
+from mnsf_ros.cli.arguments import Arguments, chosen_settings, existing_path, number_within
+from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.input_check.finding import Severity
+from mnsf_ros.settings import Settings
 
 if TYPE_CHECKING:
     from mnsf_ros.evaluation.examination import Examination
@@ -17,10 +21,12 @@ if TYPE_CHECKING:
 EXIT_FINDINGS: Final = 1
 _MARKS: Final = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 _MAX_NOTES: Final = 5
+_TOPIC: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _EPILOG: Final = """\
 Examples:
   mnsf doctor recording --points /lidar/points
   mnsf doctor recording --json | jq .findings
+  mnsf doctor /lidar/points --duration-s 20
 
 Exit status: 0: nothing wrong was found; 1: a warning or an error was.
 What is checked: docs/reliability.md.
@@ -29,10 +35,10 @@ What is checked: docs/reliability.md.
 
 def add_doctor(arguments: Arguments) -> str:
     """Declares the arguments."""
-    arguments.existing("bag BAG", "recording")
+    arguments.value("source BAG|TOPIC", "recording, or topic of a running lidar")
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, compared with the motion of the clouds")
-    arguments.value("--duration-s S", "how much of the recording is read", duration, 60.0)
+    arguments.value("--duration-s S", "how much of it is read", number_within(1e-3, 1e9), 60.0)
     arguments.flag("--json", "print JSON")
     arguments.settings(default="online")
     return _EPILOG
@@ -42,25 +48,49 @@ def run_doctor(options: argparse.Namespace) -> int:
     """Prints the examination; returns the exit status."""
     from mnsf_ros.evaluation.examination import examined
 
-    (recording,) = chosen_recordings([options.bag], options.points, options.odometry)
-    found = examined(recording, chosen_settings(options), options.duration_s)
-    (_print_json if options.json else _print_text)(recording, found)
+    settings, path = chosen_settings(options), Path(options.source)
+    if path.exists() or not _TOPIC.fullmatch(options.source):
+        paths = [existing_path(options.source)]
+        (recording,) = chosen_recordings(paths, options.points, options.odometry)
+        about = {"recording": recording.path, "points": recording.points}
+        found = examined(recording, settings, options.duration_s)
+    else:
+        about = {"points": options.source}
+        found = _examined_topic(options.source, options.odometry, settings, options.duration_s)
+    if options.json:
+        _print_json(about, found)
+    else:
+        _print_text(found)
     return EXIT_FINDINGS if found.is_wrong else 0
 
 
-def duration(text: str) -> float:
-    """Returns seconds.
+def _examined_topic(
+    topic: str, odometry: str | None, settings: Settings, duration_s: float
+) -> "Examination":
+    from mnsf_ros.node.environment import prepare_environment
 
-    Raises:
-        ArgumentTypeError: The text is no number above 0.
-    """
-    with suppress(ValueError):
-        if float(text) > 0:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected a number above 0")
+    prepare_environment(is_node=True)
+    from mnsf_ros.evaluation.examination import Examiner
+    from mnsf_ros.node.live_sweeps import live_sweeps
+
+    if odometry is not None:
+        settings = settings.changed({"ego_motion.source": "odometry"})
+    examiner, events = Examiner(settings), Counter[str]()
+
+    def report(_event: str, text: str, times: int = 1) -> None:
+        events[text] += times
+
+    with counting_progress(Console(stderr=True)) as progress:
+        task = progress.add_task(f"listening to {topic}", total=None)
+        for sweep, num_parts in live_sweeps(topic, odometry, settings, duration_s, report):
+            examiner.check.add(sweep, num_parts)
+            examiner.add(sweep)
+            progress.advance(task)
+    notes = [f"{text}: {number:,}" for text, number in events.items()]
+    return examiner.examination({"topic": topic, "poses": odometry or "none"}, notes)
 
 
-def _print_text(recording: EvaluatedRecording, found: "Examination") -> None:
+def _print_text(found: "Examination") -> None:
     console = Console()
     width = max(map(len, found.facts), default=0)
     for name, text in found.facts.items():
@@ -77,7 +107,7 @@ def _print_text(recording: EvaluatedRecording, found: "Examination") -> None:
         console.say(f"read: {note}")
 
 
-def _print_json(recording: EvaluatedRecording, found: "Examination") -> None:
+def _print_json(about: Mapping[str, str], found: "Examination") -> None:
     findings = [
         {
             "severity": _MARKS[one.severity],
@@ -87,5 +117,5 @@ def _print_json(recording: EvaluatedRecording, found: "Examination") -> None:
         }
         for one in found.findings
     ]
-    content = {"recording": recording.path, "points": recording.points, "facts": found.facts}
-    print(json.dumps({**content, "findings": findings, "notes": found.notes}, indent=2))
+    content = {**about, "facts": found.facts, "findings": findings, "notes": found.notes}
+    print(json.dumps(content, indent=2))

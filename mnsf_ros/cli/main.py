@@ -28,7 +28,7 @@ COMMANDS: Final = {
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
     "doctor": (
-        "say what a recording is, what does not fit the method, and what mends it",
+        "say what a recording or topic is, what does not fit the method, and what mends it",
         "doctor",
     ),
     "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
+from mnsf_ros.cli.arguments import FORCE, Arguments, chosen, number_within
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.datasets.formats import FORMATS, TruthSettings
 from mnsf_ros.node.environment import prepare_environment
@@ -16,8 +16,8 @@ from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
 from mnsf_ros.simulation.settings import SimulationSettings
 
-_SLOWEST: Final = 0.01
-_FASTEST: Final = 100.0
+# Of playing, to that of the recording.
+RATE: Final = number_within(0.01, 100.0)
 
 
 def add_simulate(arguments: Arguments) -> None:
@@ -100,7 +100,7 @@ def add_play(arguments: Arguments) -> None:
     """Declares the arguments of `mnsf play`."""
     arguments.existing("bag", "recording, of ROS 1 or ROS 2")
     arguments.value("--topics TOPIC,...", "only these topics")
-    arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
+    arguments.value("--rate", "playback speed, 1 as recorded", RATE, 1.0)
     arguments.flag("--loop", "start again at the end")
     arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
     arguments.flag("--wait", "start when somebody listens to a cloud of the recording")
@@ -135,15 +135,3 @@ def run_play(options: argparse.Namespace) -> None:
                 clock=options.clock,
                 wait=options.wait,
             )
-
-
-def rate(text: str) -> float:
-    """Returns how fast to play.
-
-    Raises:
-        ArgumentTypeError: The text is no number, or one out of range.
-    """
-    with suppress(ValueError):
-        if _SLOWEST <= float(text) <= _FASTEST:
-            return float(text)
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected {_SLOWEST:g} to {_FASTEST:g}")

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.cli.console import Console
-from mnsf_ros.cli.recordings import rate
+from mnsf_ros.cli.recordings import RATE
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import used_topics
@@ -17,7 +17,7 @@ def add_view(arguments: Arguments) -> None:
     arguments.existing("bag", "recording; without it, the running node is shown", nargs="?")
     arguments.points()
     arguments.preset("settings for a recording", "online")
-    arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
+    arguments.value("--rate", "playback speed, 1 as recorded", RATE, 1.0)
     arguments.value("--node", "full name of the node", default="/scene_flow")
     arguments.value("--flow TOPIC", "its flow, if that has another name than ~/flow")
     arguments.value(

@@ -1,28 +1,33 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Examination of a recording: what its sweeps are, and what of it does not fit the method."""
+"""Examination of a stream: what its clouds are, and what of them does not fit the method."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+import numpy as np
+
+from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps, recorded_track
-from mnsf_ros.geometry.pose_track import PoseTrack
+from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.sweep_sample import Located
+from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TOPIC
 from mnsf_ros.settings import Settings
+from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-_LEAST_SWEEPS: Final = 2
+_LEAST_CLOUDS: Final = 2
 
 
 @dataclass(frozen=True)
 class Examination:
-    """What was found in a recording.
+    """What was found in a stream.
 
     Attributes:
         facts: Name to what the input is, in words.
@@ -40,28 +45,67 @@ class Examination:
         return any(one.is_wrong for one in self.findings)
 
 
+class Examiner:
+    """Checks sweeps with what the method `online` finds while it prepares them.
+
+    Attributes:
+        check: Gets each cloud before its sweep is added.
+        findings: What was noticed while they were read.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        # Odometry is judged by registration.
+        source = {"ego_motion.source": EgoSource.REGISTRATION.value}
+        self._stream = Stream(settings.changed(source), "online")
+        self.check = InputCheck(settings, self._stream.mounting, is_thorough=True)
+        self.findings = Findings(mounting=self._stream.mounting, input_check=self.check)
+
+    def add(self, sweep: Sweep) -> None:
+        """Takes the next sweep."""
+        self._stream.add(sweep)
+        if self._stream.triplet is None:
+            return
+        prepared = self._stream.prepare(self._stream.triplet)
+        if isinstance(prepared.content, PreparedSweeps):
+            current = prepared.content.of_triplet[-2]
+            sweep, pose = current.sweep, current.pose
+            own_body = chosen_points(sweep.xyz, current.own)
+            located = Located(sweep, pose.world_from_stamp, pose.source.value, own_body)
+            self.check.locate(located)
+
+    def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
+        """Returns what was found, with facts about the source of the clouds, and notes."""
+        found, num_clouds = self.check.findings(), self.check.num_clouds
+        if num_clouds < _LEAST_CLOUDS:
+            text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
+            found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
+        return Examination({**about, **self.check.facts()}, found, [*notes])
+
+
 def examined(
     recording: EvaluatedRecording, settings: Settings, max_duration_s: float
 ) -> Examination:
-    """Reads the first sweeps of a recording, registers them, and checks the input.
+    """Examines the first sweeps of a recording.
 
     Raises:
         RecordingError: The recording cannot be read, or holds no sweep.
     """
-    check = InputCheck(settings)
-    findings = Findings(input_check=check)
+    examiner = Examiner(settings)
+    findings = examiner.findings
     with BagReader(recording.path) as reader:
-        sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
         poses = recorded_track(reader, recording.odometry, settings, findings)
         about = _about(reader, recording)
-        _register(_first(sweeps, max_duration_s), poses, settings, check)
+        end_ns = np.inf
+        for sweep in filter(None, recorded_clouds(reader, recording.points, settings, findings)):
+            end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
+            if sweep.stamp_ns > end_ns:
+                break
+            pose = poses.pose_at(sweep.stamp_ns)
+            odometry = None if pose is None else pose.world_from_frame
+            examiner.add(replace(sweep, odometry=odometry))
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [plain_text(damage) for damage in (*recording.damages, *findings.damages)]
-    found = check.findings()
-    if check.num_sweeps < _LEAST_SWEEPS:
-        text = f"clouds: {check.num_sweeps}, a flow needs {_LEAST_SWEEPS} in a row and more"
-        found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
-    return Examination(about | check.facts(), found, [*damages, *events])
+    return examiner.examination(about, (*damages, *events))
 
 
 def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
@@ -77,29 +121,3 @@ def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
         "topic": f"{recording.points}, {recording.num_sweeps:,} clouds",
         "poses": poses,
     }
-
-
-def _first(sweeps: Iterable[Sweep | None], max_duration_s: float) -> Iterator[Sweep]:
-    """The sweeps until a time after the first one."""
-    first_ns = None
-    for sweep in filter(None, sweeps):
-        first_ns = sweep.stamp_ns if first_ns is None else first_ns
-        if sweep.stamp_ns - first_ns > max_duration_s * NANOSECONDS:
-            return
-        yield sweep
-
-
-def _register(
-    sweeps: Iterable[Sweep], poses: PoseTrack, settings: Settings, check: InputCheck
-) -> None:
-    """Locates sweeps by registration, also where odometry is known: it is judged by that."""
-    ego_motion = EgoMotion(replace(settings.ego_motion, source=EgoSource.REGISTRATION.value))
-    last_ns = -1
-    for sweep in sweeps:
-        if sweep.stamp_ns <= last_ns:
-            continue
-        last_ns = sweep.stamp_ns
-        pose = poses.pose_at(sweep.stamp_ns)
-        located = replace(sweep, odometry=None if pose is None else pose.world_from_frame)
-        found = ego_motion.pose_of(located)
-        check.locate(located, found.world_from_stamp, found.source.value)

@@ -21,7 +21,6 @@ from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
-from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
@@ -113,7 +112,6 @@ class ExampleBuilder:
         self._truth = truth
         self._poses = poses
         self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
-        self._mounting = MountingEstimate()
         self._num_sweeps = 0
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
@@ -138,9 +136,8 @@ class ExampleBuilder:
     def _completed_by(self, sweep: Sweep) -> Example | None:
         number, self._num_sweeps = self._num_sweeps, self._num_sweeps + 1
         truth = self._truth_of(sweep)
-        sweep = self._mounting.mounted(sweep, self._options.settings)
+        sweep = self._findings.mounting.mounted(sweep, self._options.settings)
         self._findings.count(Event.LEVELLED, int(sweep.tilt is not None))
-        self._findings.count(Event.MISPLACED, int(bool(self._mounting.fault)))
         kept = kept_points(
             sweep.levelled.xyz,
             sweep.stamp_ns,

@@ -18,6 +18,7 @@ from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
 from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
@@ -65,8 +66,8 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
         MnsfError: The recording cannot be opened, or there is no such method.
     """
     recording, num_rows = task.recording, len(task.skipped)
-    check = InputCheck(options.settings)
-    findings = Findings(input_check=check)
+    findings = Findings()
+    findings.input_check = check = InputCheck(options.settings, findings.mounting, is_thorough=True)
     stream = Stream(options.settings, task.method.name)
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
@@ -74,7 +75,8 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     examples = read_examples(recording, options, findings)
     for outcome in _outcomes(stream, _chosen(examples, task, options), options.realtime):
         row = _row(outcome, stream)
-        _locate(outcome, check)
+        if isinstance(outcome.result, FlowEstimate):
+            check.locate(Located.by(outcome.result, outcome.example.triplet.current))
         if isinstance(outcome.result, FlowEstimate) and row.failure is None:
             painter.add(row.badness_m, outcome.example, outcome.result)
         num_rows += 1
@@ -84,12 +86,6 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     counts = {event.value: number for event, number in findings.counts.items()}
     wrong = {one.assumption: str(one) for one in check.findings() if one.is_wrong}
     yield FinishedTask(*task.key, num_rows, counts, damages, wrong)
-
-
-def _locate(outcome: Outcome, check: InputCheck) -> None:
-    known = outcome.result.over_ground if isinstance(outcome.result, FlowEstimate) else None
-    if known is not None:
-        check.locate(outcome.example.triplet.current, known.world_from_sensor, known.source)
 
 
 def _chosen(

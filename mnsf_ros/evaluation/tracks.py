@@ -28,11 +28,12 @@ from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.static_frames import StaticFrames
 from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.rate_track import RateTrack, are_covered
 from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
-from mnsf_ros.sweeps_io.several_lidars import joined_times, revolution_sweep
+from mnsf_ros.sweeps_io.several_lidars import joined_rings, joined_times, revolution_sweep
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -73,10 +74,6 @@ class Event(str, Enum):
         "sweeps of a lidar that is tilted, upside down, or not at the origin; turned upright for "
         "methods (lidar_1.roll_deg, lidar_1.pitch_deg)"
     )
-    MISPLACED = (
-        "sweeps whose frame has its origin on or below the ground, not at the lidar: set "
-        "lidars.frame to this frame, and lidar_1.x_m to lidar_1.z_m to the place of the lidar in it"
-    )
     SWEEPS_WITHOUT_RATES = (
         "sweeps without turn rates: those of the IMU have gaps, or stamps of another clock"
     )
@@ -96,11 +93,13 @@ class Findings:
     Attributes:
         counts: Event to number of occurrences.
         damages: Unreadable parts, each place once.
-        input_check: Gets each sweep; None if the input is not checked.
+        mounting: How the sensor is mounted.
+        input_check: Gets each cloud; None if the input is not checked.
     """
 
     counts: Counter[Event] = field(default_factory=Counter)
     damages: dict[Damage, None] = field(default_factory=dict)
+    mounting: MountingEstimate = field(default_factory=MountingEstimate)
     input_check: InputCheck | None = None
 
     def count(self, event: Event, times: int = 1) -> None:
@@ -125,12 +124,14 @@ class CloudRows:
         rows: (N,) row of each point of the sweep, counted row by row in the cloud.
         num_points: Points of the cloud, also those that are not in the sweep.
         recording: Name of the recording.
+        rings: (N,) number of the beam of each point; None if unknown.
         parts: The clouds of the revolution, if it has several; rows go on from one to the next.
     """
 
     rows: NDArray[np.int64]
     num_points: int
     recording: str = ""
+    rings: NDArray[np.integer[Any]] | None = None
     parts: Sequence[Sweep] = ()
 
 
@@ -196,18 +197,26 @@ def _recorded_revolutions(
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         findings.count(Event.POINTS_UNTIMED, cloud.num_untimed)
-        if findings.input_check is not None:
-            findings.input_check.add(sweep)
         return sweep
 
     revolutions = Revolutions()
     for cloud in _decoded(reader, topic, findings, sweep_of):
         found = [()] if cloud is None else revolutions.add(cloud, settings.buffer)
         for parts in found:
+            if cloud is not None and not parts:
+                # It was of a part.
+                findings.mounting.forget()
             findings.count(Event.PARTS, len(parts) if len(parts) > 1 else 0)
-            yield parts
+            yield _checked(parts, findings)
     if revolutions.rest:
-        yield revolutions.rest
+        yield _checked(revolutions.rest, findings)
+
+
+def _checked(parts: Sequence[Sweep], findings: Findings) -> Sequence[Sweep]:
+    if findings.input_check is not None:
+        for part in parts:
+            findings.input_check.add(part, len(parts))
+    return parts
 
 
 def _with_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
@@ -215,18 +224,21 @@ def _with_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
     clouds = []
     for part in parts:
         measured = part.source.measured
-        source = CloudRows(np.flatnonzero(measured), len(measured), recording)
+        source = CloudRows(np.flatnonzero(measured), len(measured), recording, part.rings)
         clouds.append(replace(part, source=source))
     first = clouds[0]
     if len(clouds) == 1:
         return first
     starts = np.cumsum([0, *(cloud.source.num_points for cloud in clouds)])
     rows = [cloud.source.rows + start for cloud, start in zip(clouds, starts, strict=False)]
+    source = CloudRows(
+        np.concatenate(rows), int(starts[-1]), recording, joined_rings(clouds), clouds
+    )
     return replace(
         first,
         xyz=np.concatenate([cloud.xyz for cloud in clouds]),
         times_s=joined_times(clouds, first.stamp_ns),
-        source=CloudRows(np.concatenate(rows), int(starts[-1]), recording, clouds),
+        source=source,
     )
 
 

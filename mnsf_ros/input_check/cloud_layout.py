@@ -1,21 +1,26 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Assumption: the layout of a cloud is what its message says."""
+"""Assumption: the layout of a cloud is what its message says; rays without return are no points."""
 
+from collections import deque
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
-from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+from mnsf_ros.input_check.sweep_sample import SweepSample
 
 _ASSUMPTION: Final = "clouds are laid out as their messages say"
 
 
-class CloudLayout:
-    """Describes the message of a cloud, and counts those whose lengths contradict each other."""
+class CloudLayout(Assumption):
+    """Describes the messages of clouds, and counts those whose lengths contradict each other."""
 
     def __init__(self) -> None:
         self._text, self._frames = "", dict[str, None]()
         self._num, self._num_odd = 0, 0
+        self._lost: deque[float] = deque(maxlen=100)  # share of rays that were left out
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
@@ -24,6 +29,7 @@ class CloudLayout:
         if sample.cloud is None:
             return
         message, self._num = sample.cloud.message, self._num + 1
+        self._lost.append(1 - len(sample.sweep) / max(len(sample.cloud.measured), 1))
         self._num_odd += message.row_step != message.width * message.point_step
         if not self._text:
             names = " ".join(field.name for field in message.fields)
@@ -31,13 +37,13 @@ class CloudLayout:
             shape = f"{message.height} x {message.width} points"
             self._text = f"{shape} of {message.point_step} bytes, {order} endian: {names}"
 
-    def move(self, step: Step) -> None:
-        """Layouts are seen without motion."""
-
     def facts(self) -> dict[str, str]:
-        """Frame and fields, in words."""
+        """Frame, fields and no-returns, in words."""
         facts = {"frame": ", ".join(filter(None, self._frames)) or "none"}
-        return facts | ({"cloud": self._text} if self._text else {})
+        if not self._lost:
+            return facts
+        lost = f"{np.median(self._lost):.1%} of the points, left out"
+        return {**facts, "cloud": self._text, "no returns": lost}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""

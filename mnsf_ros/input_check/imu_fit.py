@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
-from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+from mnsf_ros.input_check.sweep_sample import Step
 
 _ASSUMPTION: Final = "turn rates of the IMU fit the clouds"
 # Steps that are compared, once the turn rate has varied by so much (standard deviation).
@@ -23,14 +24,11 @@ _FACTORS: Final = (0.5, 2.0)
 _DEGREES: Final = 180 / np.pi
 
 
-class ImuFit:
+class ImuFit(Assumption):
     """Compares the turn rates of an IMU with the registered ones."""
 
     def __init__(self) -> None:
         self._steps: deque[NDArray[np.float64]] = deque(maxlen=_MAX_STEPS)
-
-    def add(self, sample: SweepSample) -> None:
-        """Turn rates are judged by steps."""
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""

@@ -2,17 +2,14 @@
 """All assumptions about the input, measured on a stream of sweeps."""
 
 import threading
-from collections.abc import Iterator
-from typing import Final, Protocol
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.imu_fit import ImuFit
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.mounting import Mounting
-from mnsf_ros.input_check.no_returns import NoReturns
 from mnsf_ros.input_check.odometry_fit import OdometryFit
 from mnsf_ros.input_check.own_body import OwnBody
 from mnsf_ros.input_check.point_times import TimesOfPoints
@@ -20,81 +17,66 @@ from mnsf_ros.input_check.revolution import Revolution
 from mnsf_ros.input_check.stamps import Stamps
 from mnsf_ros.input_check.sweep_sample import Located, Step, SweepSample
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Sweeps that may wait for their pose.
-_MAX_WAITING: Final = 12
-
-
-class Assumption(Protocol):
-    """Measures one assumption."""
-
-    def add(self, sample: SweepSample) -> None:
-        """Takes the next sweep."""
-
-    def move(self, step: Step) -> None:
-        """Takes the motion between two sweeps, after both."""
-
-    def facts(self) -> dict[str, str]:
-        """Name to what was measured, in words."""
-        ...
-
-    def findings(self) -> Iterator[Finding]:
-        """Yields what does not fit."""
-        ...
+# Clouds whose points are looked at: what is wrong should be known soon, and cost little.
+_NUM_FIRST: Final = 20
+_EVERY_FIRST: Final = 2
+_EVERY: Final = 10
 
 
 class InputCheck:
     """Measures what the method assumes about its input. Any thread may call it.
 
-    It keeps one sweep, some points of a dozen, and some hundred numbers.
+    It keeps two sweeps and some hundred numbers.
 
     Attributes:
-        num_sweeps: Sweeps that were added.
+        num_clouds: Clouds that were added.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.num_sweeps = 0
+    def __init__(
+        self, settings: Settings, mounting: MountingEstimate, *, is_thorough: bool = False
+    ) -> None:
+        """Starts without clouds.
+
+        Args:
+            settings: Those of the stream.
+            mounting: That of the stream.
+            is_thorough: Whether it may keep some sweeps, and take seconds for `findings`.
+        """
+        self.num_clouds = 0
         self._lock = threading.Lock()
-        mounting = Mounting(settings)
         self._assumptions: tuple[Assumption, ...] = (
             CloudLayout(),
             Revolution(),
             Stamps(),
-            TimesOfPoints(),
-            NoReturns(),
-            mounting,
-            OwnBody(mounting, settings.crop.min_range_m),
+            TimesOfPoints(LidarRotation(settings.ego_motion, mounting) if is_thorough else None),
+            Mounting(mounting),
+            OwnBody(is_searched=settings.crop.own_body == "auto"),
         )
         self._by_registration: tuple[Assumption, ...] = (OdometryFit(settings.ego_motion), ImuFit())
         self._all: tuple[Assumption, ...] = (*self._assumptions, *self._by_registration)
-        self._waiting: dict[int, NDArray[np.float64]] = {}
         self._last: Located | None = None
 
-    def add(self, sweep: Sweep) -> None:
-        """Takes the next sweep, with the CloudSource of its message as `source`."""
+    def add(self, cloud: Sweep, num_parts: int = 1) -> None:
+        """Takes the next cloud, with a CloudSource as `source`; of a revolution or a part."""
         with self._lock:
-            self.num_sweeps += 1
-            sample = SweepSample.of(sweep)
-            self._waiting[sweep.stamp_ns] = sample.xyz
-            for stamp_ns in list(self._waiting)[:-_MAX_WAITING]:
-                del self._waiting[stamp_ns]
+            self.num_clouds += 1
+            every = _EVERY if self.num_clouds > _NUM_FIRST else _EVERY_FIRST
+            sample = SweepSample(cloud, self.num_clouds % every == 1, num_parts)
             for assumption in self._all:
                 assumption.add(sample)
 
-    def locate(self, sweep: Sweep, world_from_sensor: NDArray[np.float64], source: str) -> None:
-        """Takes the pose (4, 4) of a sweep that was added, and its EgoSource.
-
-        The sweep may have been copied since, to add its `odometry`.
-        """
+    def locate(self, located: Located | None) -> None:
+        """Takes the pose of the next sweep, if that is known."""
         with self._lock:
-            if (xyz := self._waiting.get(sweep.stamp_ns)) is None:
-                return
-            own = Located(sweep, xyz, world_from_sensor, source)
-            last, self._last = self._last, own
-            if last is not None and (step := Step(last, own)).is_possible:
-                for assumption in self._all:
-                    assumption.move(step)
+            last, self._last = self._last, located or self._last
+            if last is not None and located is not None:
+                step = Step(last, located)
+                if step.is_possible:
+                    for assumption in self._all:
+                        assumption.move(step)
 
     def facts(self) -> dict[str, str]:
         """Name to what the input is, in words."""

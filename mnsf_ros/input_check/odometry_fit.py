@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.transforms import apply
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
-from mnsf_ros.input_check.sweep_sample import Step, SweepSample
+from mnsf_ros.input_check.sweep_sample import Step
 from mnsf_ros.settings import EgoMotionSettings
 
 _ASSUMPTION: Final = "odometry fits the clouds"
@@ -29,11 +30,12 @@ _EVERY: Final = 50
 # Residuals are compared in one step of so many, with a part of the points.
 _COMPARED: Final = 4
 _MAX_POINTS: Final = 40_000
+_NUM_POINTS: Final = 2000
 _NEAR_M: Final = 60.0
 _LONGER: Final = 1.3  # residual under odometry over that under registration
 
 
-class OdometryFit:
+class OdometryFit(Assumption):
     """Compares the motion by odometry with the registered one, and the residuals of both."""
 
     def __init__(self, settings: EgoMotionSettings) -> None:
@@ -41,9 +43,6 @@ class OdometryFit:
         # Difference in metres, and both residuals, NaN where they need not be compared.
         self._steps: deque[tuple[float, float, float]] = deque(maxlen=100)
         self._num, self._since_compared = 0, _COMPARED
-
-    def add(self, sample: SweepSample) -> None:
-        """Odometry is judged by steps."""
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
@@ -64,8 +63,9 @@ class OdometryFit:
         self._since_compared += 1
         if difference_m > _MIN_DIFFERENCE_M and self._since_compared >= _COMPARED:
             self._since_compared = 0
-            clouds = before.xyz[:: 1 + len(before) // _MAX_POINTS], step.after.xyz
-            residuals_m = _residual_m(*clouds, motion), _residual_m(*clouds, registered)
+            target = before.xyz[:: 1 + len(before) // _MAX_POINTS]
+            own = after.xyz[:: 1 + len(after) // _NUM_POINTS].astype(np.float64)
+            residuals_m = _residual_m(target, own, motion), _residual_m(target, own, registered)
         self._steps.append((difference_m, *residuals_m))
 
     def facts(self) -> dict[str, str]:

@@ -8,7 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 
 _ASSUMPTION: Final = "each point has its time of measurement"
@@ -21,9 +23,6 @@ _TURNING: Final = 0.9
 _MIN_DISTINCT: Final = 25
 # Of all points, more than a quarter turn away: none in recordings of five lidars.
 _MAX_ELSEWHERE: Final = 0.0002
-# All times of the first sweeps are compared, later those of one in so many.
-_NUM_FIRST: Final = 20
-_EVERY: Final = 5
 # A sweep takes an interval; some lidars pause, and stamps are rounded.
 _TOLERANCE: Final = 0.1
 # Of the sensor, above which a sweep without times may be distorted by more than .2 m.
@@ -41,15 +40,17 @@ class _Times(NamedTuple):
     elsewhere: float  # share of points whose time does not fit their azimuth
 
 
-class TimesOfPoints:
+class TimesOfPoints(Assumption):
     """Compares the times of points with the interval of stamps and with azimuths."""
 
-    def __init__(self) -> None:
+    def __init__(self, rotation: LidarRotation | None) -> None:
+        """Starts without clouds; `rotation` finds out whether a lidar without times turns."""
+        self._rotation = rotation
         self._times: deque[_Times] = deque(maxlen=100)
         self._intervals_s: deque[float] = deque(maxlen=100)
         self._speeds_m_s: deque[float] = deque(maxlen=100)
         self._source, self._fault, self._num_faults, self._num = "none", "", 0, 0
-        self._last_ns = 0
+        self._last_ns, self._unused = 0, ""
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
@@ -59,14 +60,17 @@ class TimesOfPoints:
         self._last_ns, self._num = stamp_ns, self._num + 1
         if sample.cloud is not None:
             self._source = sample.cloud.times.source
+            names = [field.name for field in sample.cloud.message.fields]
+            self._unused = next((name for name in names if "time" in name), "")
             if fault := sample.cloud.times.fault:
                 self._fault, self._num_faults = fault, self._num_faults + 1
-        is_due = self._num <= _NUM_FIRST or self._num % _EVERY == 0
-        if is_due and sample.times_s is not None and len(sample.times_s):
+        if sample.is_due and sample.times_s is not None and len(sample.times_s):
             self._times.append(_measured(sample.times_s, sample))
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
+        if self._rotation is not None and not self._times:
+            self._rotation.add(step.after)
         if step.interval_s > 0:
             self._speeds_m_s.append(step.way_m / step.interval_s)
 
@@ -102,6 +106,16 @@ class TimesOfPoints:
         return bool(np.median([one.is_turning for one in self._times]))
 
     def _without(self) -> Iterator[Finding]:
+        rotation = None if self._rotation is None else self._rotation.found
+        if rotation is not None:
+            found = (
+                "points have no times, but the lidar turns: static things stay within "
+                f"{rotation.off_m:.3f} m with times by the azimuth, {rotation.off_without_m:.3f} m "
+                "without"
+            )
+            remedy = f"Publish the time of each point, or set time.field={rotation.times}"
+            yield Finding(_ASSUMPTION, Severity.WARNING, found, remedy)
+            return
         speed_m_s = float(np.median(self._speeds_m_s)) if self._speeds_m_s else 0.0
         if speed_m_s > _SLOW_M_S and self._intervals_s:
             shift_m = speed_m_s * float(np.median(self._intervals_s))
@@ -109,7 +123,9 @@ class TimesOfPoints:
                 f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
                 f"{shift_m:.1f} m off, if the lidar turns and its driver does not correct it"
             )
-            remedy = "Let the driver publish the time of each point (time.field names its field)"
+            remedy = "Publish the time of each point, or set time.field=clockwise:180"
+            if self._unused:
+                remedy = f"If the field {self._unused!r} has them, set time.field={self._unused}"
             yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
 
     def _contradictions(self, interval_s: float) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -15,13 +16,14 @@ _ASSUMPTION: Final = "stamps are the times of the sweeps"
 # At 10 m/s it is .05 m, the noise of registration.
 _MAX_JITTER_S: Final = 0.005
 _MIN_SWEEPS: Final = 8
+_NUM_POINTS: Final = 1000
 # Speeds at which motion tells the interval; slower sensors shake as much as they move.
 _MIN_SPEED_M_S: Final = 2.0
 # How much better one clock must explain the motion than the other.
 _CLEARLY: Final = 0.7
 
 
-class Stamps:
+class Stamps(Assumption):
     """Compares the intervals of stamps with an even clock, and both with the motion."""
 
     def __init__(self) -> None:
@@ -34,9 +36,12 @@ class Stamps:
         """Takes the next sweep."""
         stamp_ns = sample.sweep.stamp_ns
         self._first_ns = self._first_ns or stamp_ns
-        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.times_s
-        # A single point may be early.
-        first_s = 0.0 if times_s is None or not len(times_s) else np.quantile(times_s, 0.01)
+        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.sweep.times_s
+        first_s = 0.0
+        if times_s is not None and len(times_s):
+            # A single point may be early.
+            few = np.sort(times_s[:: 1 + len(times_s) // _NUM_POINTS])
+            first_s = few[len(few) // 100]
         self._stamps_s.append(stamp_s)
         self._starts_s.append(stamp_s + float(first_s))
 

@@ -1,15 +1,15 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Some points of a sweep, which all assumptions share: the check must cost little."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from msg_utils.point_cloud2 import decode_points
 
 # A share of 1 % is known to .2 % from one sweep.
 _NUM_POINTS: Final = 2048
@@ -25,29 +25,28 @@ class SweepSample:
 
     Attributes:
         sweep: The sweep, with a CloudSource as `source`, or without one.
-        rows: (K,) their numbers.
-        xyz: (K, 3) float64, metres, frame of the sensor.
-        ranges: (K,) metres from the origin.
+        is_due: Whether to look at its points; some sweeps tell enough.
+        num_parts: Clouds of its revolution.
     """
 
     sweep: Sweep
-    rows: NDArray[np.int64]
-    xyz: NDArray[np.float64]
-    ranges: NDArray[np.float64]
+    is_due: bool = True
+    num_parts: int = 1
 
-    @classmethod
-    def of(cls, sweep: Sweep) -> "SweepSample":
-        """Samples a sweep."""
-        number = len(sweep)
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """(K,) numbers of the points."""
+        number = len(self.sweep)
+        rows = np.arange(number)
         if number > _NUM_POINTS:
             starts = np.random.default_rng(number).integers(0, number - _RUN, _NUM_POINTS // _RUN)
             rows = (np.sort(starts)[:, None] + np.arange(_RUN)).ravel()
-        else:
-            rows = np.arange(number)
-        xyz = sweep.xyz[rows].astype(np.float64)
-        ranges = np.linalg.norm(xyz, axis=1)
-        measured = ranges > 0
-        return cls(sweep, rows[measured], xyz[measured], ranges[measured])
+        return rows[self.sweep.xyz[rows].any(axis=1)]
+
+    @cached_property
+    def xyz(self) -> NDArray[np.float64]:
+        """(K, 3) metres, frame of the sensor."""
+        return self.sweep.xyz[self.rows].astype(np.float64)
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource
@@ -62,7 +61,7 @@ class SweepSample:
     @cached_property
     def elevations(self) -> NDArray[np.float64]:
         """(K,) radians above the plane z = 0."""
-        return np.arcsin(self.xyz[:, 2] / self.ranges)
+        return np.arctan2(self.xyz[:, 2], np.hypot(self.xyz[:, 0], self.xyz[:, 1]))
 
     @cached_property
     def sectors(self) -> NDArray[np.bool_]:
@@ -76,17 +75,6 @@ class SweepSample:
         times_s = self.sweep.times_s
         return None if times_s is None else times_s[self.rows].astype(np.float64)
 
-    @cached_property
-    def rings(self) -> NDArray[np.integer[Any]] | None:
-        """(N,) number of the beam of each point of the sweep; None if unknown."""
-        if self.cloud is None:
-            return None
-        points = decode_points(self.cloud.message).reshape(-1)
-        names = [name for name in ("ring", "channel") if name in (points.dtype.names or ())]
-        if not names or points.dtype[names[0]].kind not in "iu":
-            return None
-        return np.compress(self.cloud.measured, points[names[0]])
-
 
 @dataclass(frozen=True, eq=False)
 class Located:
@@ -94,15 +82,22 @@ class Located:
 
     Attributes:
         sweep: All of it, with `odometry` if known.
-        xyz: (K, 3) float64, metres, some of its points.
         world_from_sensor: (4, 4) float64, at its stamp.
         source: The EgoSource of the pose.
+        own_body: (B, 3) float32, metres, points on the robot's own body.
     """
 
     sweep: Sweep
-    xyz: NDArray[np.float64]
     world_from_sensor: NDArray[np.float64]
     source: str
+    own_body: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+
+    @classmethod
+    def by(cls, estimate: FlowEstimate, sweep: Sweep) -> "Located | None":
+        """Returns it as known by the estimate of the sweep; None if that has no pose."""
+        if (known := estimate.over_ground) is None:
+            return None
+        return cls(sweep, known.world_from_sensor, known.source, estimate.own_body)
 
 
 @dataclass(frozen=True, eq=False)

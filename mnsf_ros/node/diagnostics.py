@@ -75,7 +75,6 @@ class InputState:
     num_parts: int = 1  # clouds in the last revolution
     mounting: str = "unknown"
     imu: str = "none"  # its frame and rate
-    misplaced: str = ""  # why the origin of the clouds is not at the lidar; empty if it may be
 
 
 class _Moment(NamedTuple):
@@ -167,7 +166,6 @@ class Diagnostics:
             (new[CLOUDS_EMPTY], _WARN, "clouds without a measured point"),
             (self._now_s - last_s > limits.stale_after_s, _STALE, f"no sweep on {state.topic}"),
             (state.missing, _WARN, f"merged without {', '.join(state.missing)}"),
-            (state.misplaced, _WARN, "the origin of the clouds is not at the lidar (see the log)"),
             (state.num_namesakes, _WARN, namesakes),
             (new[CLOUDS_MISSED], _WARN, f"clouds are missed (see {CLOUDS_MISSED})"),
             (True, _OK, "receiving"),

@@ -66,10 +66,13 @@ class RawTopics:
         node: The node itself, to query the ROS graph.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, **remapped: str) -> None:
+        """Starts the node; `remapped` has names of its own topics, as `points` for `~/points`."""
         self._context = Context()
         rclpy.init(args=[], context=self._context)
-        self.node = rclpy.create_node(name, context=self._context)
+        rules = [word for key, to in remapped.items() for word in ("-r", f"~/{key}:={to}")]
+        arguments = ["--ros-args", *rules] if rules else []
+        self.node = rclpy.create_node(name, context=self._context, cli_args=arguments)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 

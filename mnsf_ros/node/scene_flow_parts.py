@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
@@ -48,7 +49,6 @@ class SceneFlowParts:
         self._parameters = parameters
         self._logger = node.get_logger()
         self._faults = faults
-        self._input_check = InputCheck(parameters.settings)
         self._mounting = ""  # as logged last
         try:
             self._join_topics(pause)
@@ -56,6 +56,7 @@ class SceneFlowParts:
             if not node.context.ok():
                 raise
             raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
+        self._input_check = InputCheck(parameters.settings, self._pipeline.mounting)
         name = node.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(name, faults, lambda: self._input.silence)
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -77,7 +78,7 @@ class SceneFlowParts:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
-        self._input_check = InputCheck(self._settings)
+        self._input_check = InputCheck(self._settings, self._pipeline.mounting)
 
     def close(self, timeout_s: float) -> None:
         """Abandons the estimate under way, and waits for that as long as the timeout."""
@@ -144,15 +145,13 @@ class SceneFlowParts:
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
-        self._input_check.add(sweep)
+        self._input_check.add(sweep, self._input.num_parts)
 
     def _tell_mounting(self, frame_id: str) -> None:
         mounting = self._pipeline.mounting
         if mounting.text != self._mounting:
             self._mounting = mounting.text
             self._logger.info(f"mounting of {frame_id!r}: {mounting.text}")
-        if mounting.fault:
-            self._faults.warn("misplaced", mounting.fault)
 
     def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
         self.reset()
@@ -164,9 +163,7 @@ class SceneFlowParts:
         self._outputs.publish(job.triplet, estimate, self._settings)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._explanations.keep(job.triplet, estimate)
-        if (known := estimate.over_ground) is not None:
-            located = job.triplet.current, known.world_from_sensor, known.source
-            self._input_check.locate(*located)
+        self._input_check.locate(Located.by(estimate, job.triplet.current))
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:
@@ -187,14 +184,14 @@ class SceneFlowParts:
         self._faults.unexpected(f"no flow for sweep {stamp_ns}", error)
 
     def _publish_diagnostics(self) -> None:
-        message, mounting = DiagnosticArray(), self._pipeline.mounting
+        message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
             self._pipeline.statistics.snapshot(),
-            replace(self._input.state, mounting=mounting.text, misplaced=mounting.fault),
+            replace(self._input.state, mounting=self._pipeline.mounting.text),
             self._pipeline.load,
             self._settings,
-            self._input_check.findings() if self._input_check.num_sweeps > _MIN_CHECKED else None,
+            self._input_check.findings() if self._input_check.num_clouds > _MIN_CHECKED else None,
         )
         self._diagnostics_publisher.publish(message)
 
@@ -206,4 +203,4 @@ class SceneFlowParts:
         except SettingsError:
             self._pipeline.change_settings(self._settings)
             raise
-        self._input_check = InputCheck(settings)
+        self._input_check = InputCheck(settings, self._pipeline.mounting)

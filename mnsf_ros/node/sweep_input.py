@@ -58,6 +58,7 @@ class SweepInput:
     Attributes:
         pause: Reason for ignoring clouds; empty if they are not ignored.
         transforms: Transforms between frames; None while the settings need none.
+        num_parts: Clouds in the last revolution.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class SweepInput:
         self._imu = ImuInput(node, report)
         self._waiting: deque[ArrivedSweep] = deque()
         self._revolutions = [Revolutions() for _ in range(settings.lidars.count)]
-        self._num_parts = 1
+        self.num_parts = 1
         self._last_ns = 0
         self._mountings: dict[str, Mounting] = {}  # by frame_id
         # They need neither odometry, nor an IMU, nor transforms.
@@ -113,7 +114,7 @@ class SweepInput:
             self.pause,
             () if self._merging is None else self._merging.missing,
             self._node.get_node_names_and_namespaces().count(own) - 1,
-            num_parts=self._num_parts,
+            num_parts=self.num_parts,
             imu=self._imu.text,
         )
 
@@ -186,7 +187,7 @@ class SweepInput:
             return
         self._times_source = sweep.source.times.source
         for parts in self._revolutions[index].add(sweep, self._settings.buffer):
-            self._num_parts = len(parts)
+            self.num_parts = len(parts)
             if not parts:
                 self._on_break()
                 continue

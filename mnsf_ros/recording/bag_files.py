@@ -146,8 +146,12 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     """Checks the target of a recording before any work is done.
 
     Raises:
-        RecordingError: Something is there already that may not be replaced.
+        RecordingError: Something is there already that may not be replaced, or the name is that of
+            a file of another format.
     """
+    if path.suffix in SUFFIXES and path.suffix != MCAP:
+        text = f"is a name of another format; name a folder, or a file that ends in {MCAP}"
+        raise RecordingError(f"{path}: {text}")
     if not path.exists() and not path.is_symlink():
         return
     if not overwrite:

@@ -66,8 +66,8 @@ class SimulationSettings:
         is_known = self.scenario == "adverse" and set(self.conditions.split(",")) <= {*CONDITIONS}
         if self.conditions != _DRAWN and not is_known:
             raise SettingsError(
-                f"conditions: got {self.conditions!r} in the scenario {self.scenario}, expected "
-                f"names with commas between in the scenario adverse: {', '.join(CONDITIONS)}"
+                f"conditions: got {self.conditions!r} with scenario={self.scenario}, expected "
+                f"scenario=adverse and names with commas between: {', '.join(CONDITIONS)}"
             )
         if self.scenario != "street":
             for setting in settings_of(SimulationSettings):

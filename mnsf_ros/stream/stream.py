@@ -100,7 +100,8 @@ class Stream:
         self._estimator = (
             make_method(self.method, settings) if after is None else after._renewed(settings)
         )
-        self.mounting: Final = MountingEstimate()
+        self.mounting: MountingEstimate = MountingEstimate() if after is None else after.mounting
+        self.mounting.forget()
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
         # What follows belongs to the preparation.
         self._last: SweepTriplet | None = None

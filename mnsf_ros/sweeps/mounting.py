@@ -56,11 +56,24 @@ class Mounting:
         """(4, 4), the other way round."""
         return np.asarray(invert(self.level_from_sensor), np.float64)
 
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between z of the sensor and up."""
+        return float(np.degrees(np.arccos(np.clip(self.level_from_sensor[2, 2], -1.0, 1.0))))
+
+    @property
+    def lens_m(self) -> NDArray[np.float64]:
+        """(3,) place of the lens in the frame of the sensor."""
+        return self.sensor_from_level[:3, 3]
+
+    @property
+    def place(self) -> str:
+        """The place of the lens, in words."""
+        return f"{', '.join(f'{value:.2f}' for value in np.round(self.lens_m, 2) + 0.0)} m"
+
     def __str__(self) -> str:
         """Tilt, place of the lens if it is not the origin, and source."""
-        tilt_deg = np.degrees(np.arccos(np.clip(self.level_from_sensor[2, 2], -1.0, 1.0)))
-        tilt = f"tilted by {tilt_deg:.0f} degrees" if tilt_deg > 0 else "level"
-        lens_m = self.sensor_from_level[:3, 3]
-        if lens_m.any():
-            tilt += f", lens at {', '.join(f'{value:.2f}' for value in lens_m)} m"
+        tilt = f"tilted by {self.tilt_deg:.0f} degrees" if self.tilt_deg > 0 else "level"
+        if self.lens_m.any():
+            tilt += f", lens at {self.place}"
         return f"{tilt} ({self.source})"

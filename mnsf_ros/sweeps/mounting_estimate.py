@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The mounting of a stream's sweeps: by parameters, or by the ground that they show."""
+"""The mounting of a stream's sweeps: by parameters, or by ground and beams."""
 
 from dataclasses import replace
 from typing import Final
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.geometry.transforms import mounted_at, sensor_mount
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.beam_cones import BeamCones
 from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import Sweep
 
+_UP: Final = np.array([0.0, 0.0, 1.0])
 # Ground farther out is at another height, or hardly seen.
 _REACH_M: Final = 30.0
 _CELL_M: Final = 0.5
@@ -31,29 +33,46 @@ _MIN_HEIGHT_M: Final = 0.5
 _MIN_SHARE: Final = 0.1
 # Up to here methods are as good as on level ground, by simulated streets.
 _MAX_TILT_DEG: Final = 30.0
+# Mounts along an axis are exact: the ground is known to a degree only.
+_NEARLY: Final = np.cos(np.radians(3.0))
 # Planes steeper than this may be walls: only parameters or TF know of such a tilt.
 _MIN_WALL_DEG: Final = 65.0
-# The lens of a lidar is higher above the ground.
-_MIN_LENS_M: Final = 0.2
 
 
 class MountingEstimate:
-    """The mounting of a stream's sweeps: by parameters, else as they tell it, else by the ground.
+    """The mounting of a stream's sweeps: by parameters, else as they tell it, else by their points.
 
     Attributes:
-        text: In words.
-        fault: What the user should mend; empty if there is nothing.
+        found: The mounting; None if unknown.
+        ground: (4,) n, h, so that n x + h is the height of x above the ground; None if it was not
+            looked for, or not seen. Without a mounting it may be a wall.
+        cones: The beams; None if they were not looked at, or are unknown.
     """
 
     def __init__(self) -> None:
-        self._key: tuple[object, ...] = ()
-        self._forget()
+        self.forget()
 
-    def _forget(self) -> None:
-        self.text, self.fault = "unknown: no cloud yet", ""
-        self._found: Mounting | None = None
+    def forget(self) -> None:
+        """Starts anew."""
+        self._key: tuple[object, ...] = ()
+        self.found: Mounting | None = None
+        self.ground: NDArray[np.float64] | None = None
+        self.cones: BeamCones | None = None
         self._is_given = False
         self._num_sweeps = 0
+
+    @property
+    def text(self) -> str:
+        """Tilt, lens, source and height, in words."""
+        if self.ground is None and self.found is None:
+            return f"unknown: no {'ground is seen' if self._num_sweeps else 'cloud yet'}"
+        if self.ground is None:
+            return str(self.found)
+        if self.found is None:
+            return "unknown: what may be ground may be a wall"
+        height = f"{abs(self.ground[3]):.2f} m {'above' if self.ground[3] > 0 else 'below'}"
+        off = f"z {_tilt_deg(self.ground):.0f} degrees off its normal"
+        return f"{self.found}, origin {height} the ground, {off}"
 
     def mounted(self, sweep: Sweep, settings: Settings) -> Sweep:
         """Returns the next sweep with its mounting, if that is known.
@@ -62,43 +81,36 @@ class MountingEstimate:
         """
         key = sweep.frame_id, settings.lidars, settings.lidar_1, settings.ego_motion
         if key != self._key:
-            self._forget()
+            self.forget()
             self._key = key
-            self._found = _by_parameters(settings, sweep.frame_id)
-            self._is_given = self._found is not None
+            self.found = _by_parameters(settings, sweep.frame_id)
+            self._is_given = self.found is not None
         if sweep.mounting is not None and not self._is_given:
-            self._found, self.fault = sweep.mounting, ""
-        elif self._found is None:
+            self.found, self.ground, self.cones = sweep.mounting, None, None
+        elif self.found is None:
             self._num_sweeps += 1
             # Looked for again at the sweeps 2, 4, 8 ...: each look takes some 10 ms.
             if self._num_sweeps & (self._num_sweeps - 1) == 0:
                 self._look(sweep)
-        self.text = str(self._found or "unknown: no ground is seen")
-        if self._found is None:
+        if self.found is None:
             return sweep
-        is_same = self._found is sweep.mounting or self._found.is_level
-        return sweep if is_same else replace(sweep, mounting=self._found)
+        is_same = self.found is sweep.mounting or self.found.is_level
+        return sweep if is_same else replace(sweep, mounting=self.found)
 
     def _look(self, sweep: Sweep) -> None:
-        """Estimates the mounting by the ground."""
-        ground = ground_of(sweep.xyz)
+        """Estimates the mounting by the ground and the beams."""
+        rings, ground = sweep.rings, ground_of(sweep.xyz)
+        if rings is not None and len(rings) == len(sweep):
+            self.cones = BeamCones.of(sweep.xyz, rings)
         if ground is None:
             return
-        self._found = Mounting.of(ground[:3], np.zeros(3), "estimated from the ground")
-        if ground[3] < _MIN_LENS_M:
-            self.fault = (
-                f"the origin of the frame {sweep.frame_id!r} is {ground[3]:.1f} m above the "
-                "ground, so it is not at the lidar: set lidars.frame to this frame, and "
-                "lidar_1.x_m to lidar_1.z_m to the place of the lidar in it"
-            )
-
-
-def is_levelled(tilt_deg: float, settings: Settings) -> bool:
-    """Whether methods get the clouds of a sensor with this tilt upright."""
-    known, mount = settings.lidar_1, settings.ego_motion
-    is_given = any((known.roll_deg, known.pitch_deg, mount.sensor_roll_deg, mount.sensor_pitch_deg))
-    is_wall = _MIN_WALL_DEG < tilt_deg < 180.0 - _MIN_WALL_DEG
-    return is_given or (tilt_deg > _MAX_TILT_DEG and not is_wall)
+        tilt_deg = _tilt_deg(ground)
+        if not _MIN_WALL_DEG < tilt_deg < 180.0 - _MIN_WALL_DEG:
+            up = _nearly_axis(ground[:3]) if tilt_deg > _MAX_TILT_DEG else _UP
+            lens_m = None if self.cones is None else self.cones.lens_m
+            source = "estimated from the ground" + ("" if lens_m is None else " and the beams")
+            self.found = Mounting.of(up, np.zeros(3) if lens_m is None else lens_m, source)
+        self.ground = ground
 
 
 def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
@@ -107,7 +119,7 @@ def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
         return None
     pose, is_given = mounted_at(settings.lidar_1), settings.lidars.poses == "parameters"
     if frame_id == settings.lidars.frame:
-        lens_m, up = pose[:3, 3], np.array([0.0, 0.0, 1.0])
+        lens_m, up = pose[:3, 3], _UP
     else:
         lens_m = np.zeros(3)
         mounts = (pose, sensor_mount(settings.ego_motion))
@@ -120,34 +132,8 @@ def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
 def ground_of(xyz: NDArray[np.float32]) -> NDArray[np.float64] | None:
     """Returns (4,) n, h of the ground under points (N, 3), so that n x + h is a height above it.
 
-    The ground is the plane with most points that has nearly none beyond it. Its normal is exactly z
-    where the frame is level enough for all methods. None if no ground is seen.
-    """
-    planes = _planes_of(xyz)
-    if planes is None:
-        return None
-    normals, heights, shares = planes
-    tilts_deg = np.degrees(np.arccos(np.clip(normals[:, 2], -1.0, 1.0)))
-    level_shares = np.where(tilts_deg <= _MAX_TILT_DEG, shares, 0.0)
-    level, best = np.argmax(level_shares), np.argmax(shares)
-    if shares[best] < _MIN_SHARE:
-        return None
-    # Between floor and ceiling, the frame is taken as it is.
-    if 2 * level_shares[level] > shares[best]:
-        return np.array([0.0, 0.0, 1.0, heights[level]])
-    if _MIN_WALL_DEG < tilts_deg[best] < 180.0 - _MIN_WALL_DEG:
-        return None
-    return np.append(normals[best], heights[best])
-
-
-def _planes_of(
-    xyz: NDArray[np.float32],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Random planes through points (N, 3), metres.
-
-    Returns:
-        (K, 3) normals, upwards if they are ground; (K,) height of the origin above each; and (K,)
-        share of the points on it, 0 unless it bounds the others. None without enough points.
+    The ground is the plane with most points that has nearly none beyond it, if possible a level
+    one; otherwise it may be a wall. None if no ground is seen.
     """
     near = np.einsum("ij,ij->i", xyz, xyz) < _REACH_M**2
     points = thinned(chosen_points(xyz, near), _CELL_M).astype(np.float64)
@@ -155,6 +141,38 @@ def _planes_of(
         return None
     random = np.random.default_rng(0)
     points = points[random.permutation(len(points))[:_MAX_POINTS]]
+    normals, heights, shares = _planes_of(points, random)
+    is_level = normals[:, 2] >= np.cos(np.radians(_MAX_TILT_DEG))
+    # Between floor and ceiling, the frame is taken as it is.
+    best = np.argmax(np.where(is_level, 2 * shares, shares))
+    if shares.max() < _MIN_SHARE:
+        return None
+    own = points[np.abs(points @ normals[best] + heights[best]) < _TOLERANCE_M]
+    middle = own.mean(axis=0)
+    normal = np.linalg.svd(own - middle, full_matrices=False)[2][2]
+    normal *= np.sign(normal @ normals[best])
+    return np.append(normal, -normal @ middle)
+
+
+def _nearly_axis(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The axis that is nearest to a normal (3,), if it is near; else the normal."""
+    axis = np.round(up)
+    return axis if np.linalg.norm(axis) == 1 and axis @ up > _NEARLY else up
+
+
+def _tilt_deg(ground: NDArray[np.float64]) -> float:
+    return float(np.degrees(np.arccos(np.clip(ground[2], -1.0, 1.0))))
+
+
+def _planes_of(
+    points: NDArray[np.float64], random: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Random planes through points (N, 3), metres.
+
+    Returns:
+        (K, 3) normals, upwards if they are ground; (K,) height of the origin above each; and (K,)
+        share of the points on it, 0 unless it bounds the others.
+    """
     first, second, third = points[random.integers(0, len(points), (3, _NUM_PLANES))]
     normals = np.cross(second - first, third - first)
     lengths = np.linalg.norm(normals, axis=1)

@@ -69,6 +69,11 @@ class Sweep:
         return (first_s + last_s) / 2
 
     @property
+    def rings(self) -> NDArray[np.integer[Any]] | None:
+        """(N,) number of the beam of each point, if its source knows them."""
+        return getattr(self.source, "rings", None)
+
+    @property
     def tilt(self) -> Mounting | None:
         """The mounting, unless the frame is level already."""
         return None if self.mounting is None or self.mounting.is_level else self.mounting

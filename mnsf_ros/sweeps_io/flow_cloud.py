@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
+from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
-from msg_utils.point_cloud2 import decode_xyz, encode_columns, encode_with_columns
+from msg_utils.point_cloud2 import decode_points, decode_xyz, encode_columns, encode_with_columns
 from msg_utils.point_times import PointTimes, decode_times
 from msg_utils.stamps import decode_stamp
 
 _CLASH_PREFIX: Final = "sensor_"
+_RING_FIELDS: Final = ("ring", "channel")
 # The interval is the median of these.
 _NUM_STAMPS: Final = 8
 
@@ -41,6 +43,15 @@ class CloudSource:
     is_stamped: bool = True
     num_untimed: int = 0
 
+    @property
+    def rings(self) -> NDArray[np.integer[Any]] | None:
+        """(N,) number of the beam of each point of the sweep; None if unknown."""
+        points = decode_points(self.message).reshape(-1)
+        names = [name for name in _RING_FIELDS if name in (points.dtype.names or ())]
+        if not names or points.dtype[names[0]].kind not in "iu":
+            return None
+        return np.compress(self.measured, points[names[0]])
+
 
 class CloudReader:
     """Makes sweeps of the clouds of one lidar; remembers their stamps to know their interval."""
@@ -61,7 +72,11 @@ class CloudReader:
         own_stamp_ns = decode_stamp(message.header.stamp)
         stamp_ns = own_stamp_ns or now_ns
         self._stamps_ns.append(stamp_ns)
-        times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
+        if (rotation := settings.rotation) is None:
+            times = decode_times(message, measured, stamp_ns, settings, self._interval_s)
+        else:
+            by_azimuth = AzimuthTimes(*rotation)
+            times = PointTimes(by_azimuth.of(xyz, self._interval_s), f"azimuth, {by_azimuth}")
         num_untimed = 0
         if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():
             num_untimed = int(np.count_nonzero(~timed))

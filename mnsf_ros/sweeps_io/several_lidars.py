@@ -209,13 +209,15 @@ def merged_sweep(
 def revolution_sweep(parts: Sequence[Sweep]) -> Sweep:
     """Returns the parts of a revolution as one sweep with the stamp and header of the first.
 
-    Each `source` is a CloudSource. The cloud is as of `merged_sweep`, without `lidar`.
+    Each `source` is a CloudSource. The cloud is as of `merged_sweep`, with `ring` if known
+    instead of `lidar`.
     """
     if len(parts) == 1:
         return parts[0]
     header = parts[0].source.message.header
-    xyz = np.concatenate([part.xyz for part in parts])
-    return _joined(parts, xyz, parts[0].stamp_ns, header, {})
+    xyz, rings = np.concatenate([part.xyz for part in parts]), joined_rings(parts)
+    further = {} if rings is None else {"ring": rings}
+    return _joined(parts, xyz, parts[0].stamp_ns, header, further)
 
 
 def _joined(
@@ -253,6 +255,12 @@ def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> NDArray[np.float32] 
         for sweep in sweeps
     ]
     return np.concatenate(parts).astype(np.float32)
+
+
+def joined_rings(sweeps: Sequence[Sweep]) -> NDArray[np.integer[Any]] | None:
+    """Returns (N,) the number of the beam of each point, if all sweeps know them."""
+    known = [rings for sweep in sweeps if (rings := sweep.rings) is not None]
+    return np.concatenate(known) if len(known) == len(sweeps) else None
 
 
 def _intensity(sweep: Sweep) -> NDArray[np.float32] | None:

@@ -90,3 +90,9 @@ def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys):
     status, _, text = said(capsys, "doctor", street, "--points", "/none")
     assert status == 2
     assert "/none" in text
+
+
+def test_a_recording_is_not_written_under_the_name_of_another_format(tmp_path, capsys):
+    status, _, text = said(capsys, "simulate", tmp_path / "street.db3")
+    assert status == 2
+    assert "name a folder, or a file that ends in .mcap" in text

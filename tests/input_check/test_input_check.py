@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.input_check import InputCheck
+from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.settings import Settings, TimeSettings
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
+from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.point_cloud2 import encode_columns
@@ -72,17 +74,19 @@ def street(is_rolling=True):
     ]
 
 
-def checked(clouds):
-    check = InputCheck(Settings())
+def checked(clouds, num_own=0, reach_m=0.0, num_parts=1):
+    own_body = np.full((num_own, 3), (reach_m, 0.0, 0.0), np.float32)
+    mounting = MountingEstimate()
+    check = InputCheck(Settings(), mounting)
     for cloud in clouds:
-        sweep = cloud.sweep
-        check.add(sweep)
-        check.locate(sweep, cloud.pose, "registration")
+        sweep = mounting.mounted(cloud.sweep, Settings())
+        check.add(sweep, num_parts)
+        check.locate(Located(sweep, cloud.pose, "registration", own_body))
     return check
 
 
-def wrong(clouds):
-    return [finding for finding in checked(clouds).findings() if finding.is_wrong]
+def wrong(clouds, *own):
+    return [finding for finding in checked(clouds, *own).findings() if finding.is_wrong]
 
 
 def turned(axis, degrees):
@@ -117,11 +121,6 @@ def late_with_absolute_times(cloud, number):
     return late_stamp(cloud.with_times("timestamp", seconds), number)
 
 
-def sector(cloud, number):
-    azimuths = np.degrees(np.arctan2(cloud.xyz[:, 1], cloud.xyz[:, 0])) % 360
-    return cloud.rows(azimuths // 36 == number % 10)
-
-
 def shell(cloud, number):
     near = cloud.rows(np.linalg.norm(cloud.xyz, axis=1) < 30)
     rng = np.random.default_rng(number)
@@ -131,10 +130,10 @@ def shell(cloud, number):
     return near.with_points(30.0 * np.stack(rays, axis=1))
 
 
-def roof(cloud, number):
-    rng = np.random.default_rng(number)
-    low, high = (-1.5, -0.6, -0.5), (-1.2, 0.6, -0.4)
-    return cloud.with_points(rng.uniform(low, high, (130, 3)))
+def two_lenses(cloud, _):
+    other = cloud.moved(shifted(4.0, 0.0))
+    columns = {"ring": np.tile(cloud.columns["ring"], 2)}
+    return replace(cloud, xyz=np.concatenate([cloud.xyz, other.xyz]), columns=columns)
 
 
 def odd_odometry(cloud, number):
@@ -147,11 +146,14 @@ DISTURBED = {
     "rounded": (lambda one, _: of_seconds(one, 1.0, 0.01), "only 11 different values"),
     "early points": (few_early, "of the points contradict their direction"),
     "late stamps": (late_stamp, "ms off an even clock"),
-    "late stamps, even points": (late_with_absolute_times, "but the first points only 2 ms"),
+    "late stamps, even points": (late_with_absolute_times, "but the first points only 0 ms"),
     "on its side": (lambda one, _: one.moved(turned("x", 90)), "z is 90 degrees off the normal"),
-    "base_link": (lambda one, _: one.moved(shifted(1.4, 1.8)), "degrees off cones"),
+    "base_link, no beams": (
+        lambda one, _: replace(one.moved(shifted(1.4, 1.8)), columns={}),
+        "the origin is 0.",
+    ),
+    "two lenses": (two_lenses, "degrees off cones around the origin, and no place"),
     "odometry": (odd_odometry, "odometry contradicts the clouds"),
-    "own body": (roof, "own body: 1"),
 }
 
 
@@ -167,7 +169,7 @@ def test_what_does_not_fit_is_said(name):
 NOTED = {
     "upside down": (lambda one, _: one.moved(turned("x", 180)), "up is nearest to -z; methods get"),
     "tilted": (lambda one, _: one.moved(turned("y", 45)), "z is 45 degrees off the normal"),
-    "sectors": (sector, "clouds are parts of a revolution"),
+    "base_link": (lambda one, _: one.moved(shifted(1.4, 1.8)), "but at 1.40, 0.00, 1.80 m"),
 }
 
 
@@ -177,6 +179,19 @@ def test_what_is_corrected_for_the_methods_is_a_note(name):
     check = checked([disturb(cloud, number) for number, cloud in enumerate(street())])
     assert any(text in finding.found for finding in check.findings())
     assert not any(finding.is_wrong for finding in check.findings())
+
+
+def test_parts_of_a_revolution_are_a_note():
+    (finding,) = checked([one.rows(np.arange(3000)) for one in street()], num_parts=4).findings()
+    assert "are parts of a revolution: 4 are put together" in finding.found
+    assert not finding.is_wrong
+
+
+def test_an_own_body_is_wrong_where_the_search_for_it_ends():
+    assert checked(street(), 130, 1.6).facts()["own body"] == "130 points within 1.6 m, left out"
+    assert not wrong(street(), 130, 1.6)
+    (finding,) = wrong(street(), 130, 1.9)
+    assert "own body: 130 points within 1.9 m" in finding.found
 
 
 CORRECTED = {
@@ -215,7 +230,8 @@ def test_facts_describe_the_stream():
     assert facts["rate"].startswith("10.0 Hz")
     assert facts["times of points"].endswith("100.0 ms a sweep, in order of azimuth")
     assert facts["field of view"].endswith("-25 to 2 up")
-    assert facts["mounting"].startswith("origin 1.5")
+    assert "origin 1.5" in facts["mounting"]
+    assert facts["beams"] == "32"
     assert facts["own body"] == "none"
 
 
@@ -226,13 +242,13 @@ def test_too_few_points_are_the_one_fault(number):
     (finding,) = wrong(clouds)
     assert f"a cloud has {number} measured points" in finding.found
     assert check.facts()["frame"] == "lidar"
-    assert not InputCheck(Settings()).findings()
+    assert not InputCheck(Settings(), MountingEstimate()).findings()
 
 
 @pytest.mark.parametrize("factor", [0.0, 1e-30, 3e37])
 def test_points_and_times_of_any_size_are_taken(factor):
     rng = np.random.default_rng(0)
-    check = InputCheck(Settings())
+    check = InputCheck(Settings(), MountingEstimate())
     for number in range(30):
         xyz = np.float32(factor) * rng.normal(0, 1, (100, 3)).astype(np.float32)
         times_s = np.float32(number % 2) * rng.uniform(-2, 2, 100).astype(np.float32)
@@ -240,7 +256,7 @@ def test_points_and_times_of_any_size_are_taken(factor):
         pose = np.diag((1.0, 1.0, 1.0, 1.0))
         pose[0, 3] = number**2
         check.add(sweep)
-        check.locate(sweep, pose, "registration")
+        check.locate(Located(sweep, pose, "registration"))
         check.facts()
     assert all(finding.remedy for finding in check.findings())
 
@@ -271,11 +287,12 @@ def weaving():
     ids=["good", "degrees", "negative", "other axes", "none"],
 )
 def test_turn_rates_that_contradict_the_clouds_are_said(spoil, text):
-    check, cloud = InputCheck(Settings()), street()[0]
+    check, cloud = InputCheck(Settings(), MountingEstimate()), street()[0]
     for time_s, pose, rates in weaving():
         stamped = replace(cloud, stamp_ns=10**18 + round(time_s * 1e9)).sweep
         check.add(stamped)
-        check.locate(stamped.turning(spoil(rates), np.eye(4)), pose, "registration")
+        turning = stamped.turning(spoil(rates), np.eye(4))
+        check.locate(Located(turning, pose, "registration"))
     (imu,) = (one for one in check._by_registration if isinstance(one, ImuFit))
     found = [str(finding) for finding in imu.findings()]
     assert bool(found) == (text is not None)

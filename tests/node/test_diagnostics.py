@@ -302,6 +302,7 @@ class TestValues:
             "time of each point": "unknown",
             "clouds of a revolution": "1",
             "mounting": "unknown",
+            "imu": "none",
         }
         assert (of_flow["latency p95 [ms]"], of_flow["queue"]) == ("unknown", "0")
         assert (of_flow["method"], of_flow["last failure"]) == ("online", "none")

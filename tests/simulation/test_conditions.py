@@ -172,7 +172,5 @@ def test_far_kerbs_are_met_by_single_rings():
 
 @pytest.mark.parametrize(("scenario", "names"), [("random", "fog"), ("adverse", "fog,snow")])
 def test_unknown_conditions_are_refused(scenario, names):
-    with pytest.raises(
-        SettingsError, match=f"conditions: got '{names}' in the scenario {scenario}"
-    ):
+    with pytest.raises(SettingsError, match=f"conditions: got '{names}' with scenario={scenario}"):
         SimulationSettings(scenario=scenario, conditions=names)

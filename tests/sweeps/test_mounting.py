@@ -2,10 +2,11 @@
 """How a lidar is mounted: by parameters, by its sweeps, and by the ground that it sees."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from box_street import BoxStreet, pose
+from box_street import SENSOR_HEIGHT_M, BoxStreet, pose
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.settings import Settings
@@ -66,12 +67,22 @@ def test_the_lens_is_where_parameters_say_in_the_frame_of_the_robot():
     np.testing.assert_allclose(found.levelled.xyz, LEVEL.xyz, atol=1e-5)
 
 
-def test_an_origin_on_the_ground_is_said():
+@pytest.mark.parametrize("shift", [(1.4, 0.0, 1.8), (8.0, 0.8, 2.9)])
+@pytest.mark.parametrize("roll_deg", [0.0, 180.0])
+def test_beams_show_the_lens(roll_deg, shift):
+    sweep, _ = turned(roll_deg=roll_deg, shift=shift)
+    elevations = np.arctan2(LEVEL.xyz[:, 2], np.hypot(LEVEL.xyz[:, 0], LEVEL.xyz[:, 1]))
+    rings = SimpleNamespace(rings=np.round(np.degrees(elevations) * 5).astype(int))
+    level = mounted(replace(sweep, source=rings)).levelled
+    np.testing.assert_allclose(level.xyz, LEVEL.xyz, atol=0.1 if roll_deg == 0 else 0.03 * 45)
+
+
+def test_the_height_over_ground_is_known():
     estimate = MountingEstimate()
-    mounted(turned(shift=(1.4, 0.0, 1.8))[0], estimate)
-    assert "the origin of the frame 'lidar' is" in estimate.fault
+    mounted(turned(shift=(0.0, 0.0, 1.8))[0], estimate)
+    assert estimate.ground[3] == pytest.approx(SENSOR_HEIGHT_M - 1.8, abs=0.05)
     mounted(replace(LEVEL, frame_id="other"), estimate)
-    assert estimate.fault == ""
+    assert estimate.ground[3] == pytest.approx(SENSOR_HEIGHT_M, abs=0.05)
 
 
 def test_parameters_come_before_the_sweep_and_that_before_the_ground():

@@ -2,13 +2,16 @@
 """Sweeps of several lidars that belong together."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroups
+from mnsf_ros.sweeps_io.flow_cloud import CloudReader
+from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroups, revolution_sweep
+from msg_utils.point_cloud2 import encode_columns
 
 SETTINGS = Settings().lidars
 PERIOD_S = 0.1
@@ -164,3 +167,19 @@ def test_memory_is_bounded_and_clear_forgets():
     assert len(list(groups.due(1e9, SETTINGS))) <= 12
     groups.clear()
     assert not groups.is_waiting
+
+
+@pytest.mark.parametrize("has_rings", [True, False])
+def test_parts_of_a_revolution_keep_the_numbers_of_beams(has_rings):
+    parts = []
+    for number in range(2):
+        columns = {axis: np.arange(1, 5, dtype=np.float32) for axis in "xyz"}
+        if has_rings or number:
+            columns["ring"] = np.uint16([0, 1, 2, 3]) + np.uint16(4 * number)
+        columns["x"][1] = np.nan
+        encoded = encode_columns(columns, 1, 4)
+        header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=number), frame_id="lidar")
+        message = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
+        parts.append(CloudReader().sweep(message, Settings().time, 0))
+    rings = revolution_sweep(parts).rings
+    assert (rings is None) if not has_rings else (rings.tolist() == [0, 2, 3, 4, 6, 7])
