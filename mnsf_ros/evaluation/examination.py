@@ -68,7 +68,7 @@ class Examiner:
         prepared = self._stream.prepare(self._stream.triplet)
         if isinstance(prepared.content, PreparedSweeps):
             current = prepared.content.of_triplet[-2]
-            sweep, pose = current.sweep, current.pose
+            sweep, pose = current.input, current.pose
             own_body = chosen_points(sweep.xyz, current.own)
             located = Located(sweep, pose.world_from_stamp, pose.source.value, own_body)
             self.check.locate(located)
