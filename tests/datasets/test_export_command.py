@@ -257,9 +257,12 @@ def test_recordings_of_one_name_are_refused(street, tmp_path, capsys):
     ("arguments", "words"),
     [
         (["opensceneflow", "--key", "lidar"], "key 'lidar': is no name of an estimate"),
-        (["opensceneflow", "--mask", "a.zip"], "--mask and --index: are for the formats argo"),
-        (["argoverse2-2023", "--index", "a.pkl"], "argoverse2-2023: expected --mask"),
-        (["argoverse2-v3", "--index", "a", "--labels"], "argoverse2-v3: expected --index, not"),
+        (["opensceneflow", "--mask", __file__], "--mask and --index: are for the formats argo"),
+        (["argoverse2-2023", "--index", __file__], "argoverse2-2023: expected --mask"),
+        (
+            ["argoverse2-v3", "--index", __file__, "--labels"],
+            "argoverse2-v3: expected --index, not",
+        ),
     ],
 )
 def test_options_that_do_not_fit_are_refused(street, tmp_path, arguments, words, capsys):
