@@ -63,6 +63,18 @@ def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):
     assert content["facts"]["frame"] == "lidar"
 
 
+def test_damage_is_an_error(street, tmp_path, capsys):
+    cut = tmp_path / "cut.mcap"
+    whole = next(street.glob("*.mcap")).read_bytes()
+    cut.write_bytes(whole[: len(whole) * 6 // 10])
+    status, text, _ = said(capsys, "doctor", cut)
+    assert status == 1
+    assert f"error: the recording is damaged: {cut}, byte " in text
+    assert "`mcap recover` keeps what can be read" in text
+    assert "Nothing wrong" not in text
+    assert "checksums" not in text
+
+
 @pytest.mark.parametrize(
     ("num_clouds", "text"),
     [(1, "error: clouds: 1, a flow needs 2"), (5, "error: a cloud has 3 measured points")],
