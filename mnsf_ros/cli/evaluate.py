@@ -10,6 +10,7 @@ from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
 
 DEFAULT_METHODS: Final = ("online", "mnsf")
+EXIT_INCOMPLETE: Final = 5
 
 _EPILOG = """\
 Examples:
