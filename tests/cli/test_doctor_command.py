@@ -97,8 +97,16 @@ def test_an_evaluation_says_it_after_its_tables(on_its_side, tmp_path, capsys):
     assert "Input of on_its_side: z is 90 degrees off the normal" in text
 
 
-def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys):
-    assert said(capsys, "doctor", tmp_path / "none")[0] == 2
+def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for source, hint in (
+        (tmp_path / "none.mcap", ""),
+        ("/usr/no_recording", ""),  # the name could be that of a topic
+        ("points", " (a topic: /points)"),
+    ):
+        status, _, text = said(capsys, "doctor", source)
+        assert status == 2
+        assert text == f"mnsf: {source}: no such file or folder{hint}\n"
     status, _, text = said(capsys, "doctor", street, "--points", "/none")
     assert status == 2
     assert "/none" in text
