@@ -64,5 +64,5 @@ def run_estimate(options: argparse.Namespace) -> int:
                 lambda done: progress.update(task, completed=done),
                 overwrite=options.force,
             )
-    Console().say(f"{options.out}: {number} sweeps with flow")
+    Console().say(f"{options.out}: {number} sweep{'s'[: number != 1]} with flow")
     return 0 if is_whole else EXIT_INCOMPLETE
