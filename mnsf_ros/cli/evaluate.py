@@ -59,7 +59,7 @@ def add_evaluate(arguments: Arguments) -> str:
         "evaluate every two consecutive sweeps, also without a sweep before them; methods use two "
         "sweeps if they can, else report an error",
     )
-    what.declared(EvaluationOptions, pictures=3)
+    what.declared(EvaluationOptions, realtime=None, pictures=3)
     _add_run_arguments(arguments.group("run"))
     return _EPILOG
 

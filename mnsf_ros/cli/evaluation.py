@@ -51,6 +51,8 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
         options.out = new_folder(options.bags)
+    if options.realtime == 0:
+        raise SettingsError("--realtime: got 0, expected more; without it no sweeps are dropped")
     evaluation = chosen(options, EvaluationOptions, settings=chosen_settings(options))
     check_folder(options.out, resume=options.resume)
     methods, given_up = _methods(options, evaluation, console)
