@@ -2,6 +2,7 @@
 """Declaration of arguments, and those that several subcommands have."""
 
 import argparse
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -25,7 +26,12 @@ Declared = TypeVar("Declared")
 
 
 class Parser(argparse.ArgumentParser):
-    """Shows control characters in what it refuses, instead of sending them to the terminal."""
+    """Takes -5,2 as a value, and shows control characters in what it refuses as text."""
+
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401 - as argparse
+        super().__init__(**options)
+        # To argparse, only numbers that begin with a minus are values.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         """Ends the process with the usage and a message."""
@@ -75,14 +81,16 @@ class Arguments:
     def declared(self, group: type, *names: str, **defaults: object) -> None:
         """Adds an option for each declared field of a dataclass; `chosen` returns the result.
 
-        With `names` only these, in this order; `defaults` replace those of the dataclass.
+        With `names` only these, in this order; `defaults` replace those of the dataclass, None
+        tells that an option was not given.
         """
         known = {one.name: one for one in settings_of(group)}
         for setting in [known[name] for name in names or known]:
             choices = "|".join(setting.choices)
             metavar = choices or setting.unit.upper() or _METAVARS[setting.kind]
             name = f"--{setting.name.replace('_', '-')} {metavar}"
-            self.value(name, setting.text, default=defaults.get(setting.name, setting.default))
+            default = defaults.get(setting.name, setting.default)
+            self.value(name, setting.text, setting.kind, default)
 
     def existing(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
         """Adds an argument or option with paths, which must be there, as for `value`."""
@@ -123,8 +131,8 @@ def chosen(
     **others: Any,  # noqa: ANN401 - as the fields
 ) -> Declared:
     """Returns a dataclass from the options of its declared fields, and its `others`."""
-    names = [one.name for one in settings_of(group) if hasattr(options, one.name)]
-    return group(**others, **{name: getattr(options, name) for name in names})
+    values = {one.name: getattr(options, one.name, None) for one in settings_of(group)}
+    return group(**others, **{k: v for k, v in values.items() if v is not None})
 
 
 def chosen_settings(options: argparse.Namespace) -> Settings:

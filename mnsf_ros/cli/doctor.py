@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings, existing_path, number_within
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.input_check.finding import Severity
 from mnsf_ros.settings import Settings
@@ -48,9 +49,9 @@ def run_doctor(options: argparse.Namespace) -> int:
     """Prints the examination; returns the exit status."""
     from mnsf_ros.evaluation.examination import examined
 
-    settings, path = chosen_settings(options), Path(options.source)
-    if path.exists() or not _TOPIC.fullmatch(options.source):
-        paths = [existing_path(options.source)]
+    settings = chosen_settings(options)
+    if not _is_topic(options.source):
+        paths = [_recording(options.source)]
         (recording,) = chosen_recordings(paths, options.points, options.odometry)
         about = {"recording": recording.path, "points": recording.points}
         found = examined(recording, settings, options.duration_s)
@@ -62,6 +63,19 @@ def run_doctor(options: argparse.Namespace) -> int:
     else:
         _print_text(found)
     return EXIT_FINDINGS if found.is_wrong else 0
+
+
+def _is_topic(source: str) -> bool:
+    """Whether a source may be a topic: what is missing in a folder that exists is none."""
+    path = Path(source)
+    is_in_folder = path.parent.is_dir() and path.parent != Path("/")
+    return bool(_TOPIC.fullmatch(source)) and not path.exists() and not is_in_folder
+
+
+def _recording(source: str) -> Path:
+    if not Path(source).exists() and "/" not in source and _TOPIC.fullmatch(f"/{source}"):
+        raise RecordingError(f"{source}: no such file or folder (a topic: /{source})")
+    return existing_path(source)
 
 
 def _examined_topic(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.cli.evaluate import EXIT_INCOMPLETE
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import check_target
 from mnsf_ros.recording.bag_reader import open_recording
@@ -32,11 +33,13 @@ recording where its other topics are wanted.
 
 Example:
   mnsf estimate street --out street_flow.mcap
+
+Exit status: 0: complete; 5: the recording is damaged, its readable part was estimated.
 """
 
 
-def run_estimate(options: argparse.Namespace) -> None:
-    """Writes the recording."""
+def run_estimate(options: argparse.Namespace) -> int:
+    """Writes the recording; returns the exit status."""
     source, target = Path(options.bag).resolve(), options.out.resolve()
     if source == target or source in target.parents or target in source.parents:
         raise RecordingError(f"{options.out}: is the recording that is read; --out is another path")
@@ -52,7 +55,7 @@ def run_estimate(options: argparse.Namespace) -> None:
             task = progress.add_task(
                 f"estimating {topics.points}", total=reader.topics[topics.points].count
             )
-            number = write_estimated(
+            number, is_whole = write_estimated(
                 reader,
                 topics,
                 options.out,
@@ -61,4 +64,5 @@ def run_estimate(options: argparse.Namespace) -> None:
                 lambda done: progress.update(task, completed=done),
                 overwrite=options.force,
             )
-    Console().say(f"{options.out}: {number} sweeps with flow")
+    Console().say(f"{options.out}: {number} sweep{'s'[: number != 1]} with flow")
+    return 0 if is_whole else EXIT_INCOMPLETE

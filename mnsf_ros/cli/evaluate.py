@@ -10,6 +10,7 @@ from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
 
 DEFAULT_METHODS: Final = ("online", "mnsf")
+EXIT_INCOMPLETE: Final = 5
 
 _EPILOG = """\
 Examples:
@@ -58,7 +59,7 @@ def add_evaluate(arguments: Arguments) -> str:
         "evaluate every two consecutive sweeps, also without a sweep before them; methods use two "
         "sweeps if they can, else report an error",
     )
-    what.declared(EvaluationOptions, pictures=3)
+    what.declared(EvaluationOptions, realtime=None, pictures=3)
     _add_run_arguments(arguments.group("run"))
     return _EPILOG
 

@@ -10,7 +10,7 @@ from typing import Final
 
 from mnsf_ros.cli.arguments import chosen, chosen_settings
 from mnsf_ros.cli.console import Console, complain, counting_progress
-from mnsf_ros.cli.evaluate import DEFAULT_METHODS
+from mnsf_ros.cli.evaluate import DEFAULT_METHODS, EXIT_INCOMPLETE
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
@@ -30,7 +30,6 @@ from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 
 EXIT_STOPPED: Final = 4
-EXIT_INCOMPLETE: Final = 5
 
 
 def evaluate(options: argparse.Namespace) -> int:
@@ -52,6 +51,8 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
         options.out = new_folder(options.bags)
+    if options.realtime == 0:
+        raise SettingsError("--realtime: got 0, expected more; without it no sweeps are dropped")
     evaluation = chosen(options, EvaluationOptions, settings=chosen_settings(options))
     check_folder(options.out, resume=options.resume)
     methods, given_up = _methods(options, evaluation, console)

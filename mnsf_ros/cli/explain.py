@@ -26,12 +26,7 @@ def add_explain(arguments: Arguments) -> str:
     """Declares the arguments."""
     arguments.existing("bag BAG", "recording")
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_s, required=True)
-    arguments.value(
-        "--at X,Y",
-        "place in metres, sensor frame; with = where X is negative: --at=-5,2",
-        _place,
-        required=True,
-    )
+    arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
     arguments.value("--picture FILE", "write the object in the other sweeps as a PNG file")
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")

@@ -44,9 +44,10 @@ def run_simulate(options: argparse.Namespace) -> None:
             settings, options.out, show, overwrite=options.force, nav2=options.nav2
         )
     console.say(simulator.scene.text)
+    number = simulator.num_sweeps
     console.say(
-        f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
-        f"true flow, seed {settings.seed}"
+        f"{options.out}: {number} sweep{'s'[: number != 1]} of the scenario {settings.scenario} "
+        f"with true flow, seed {settings.seed}"
     )
 
 
@@ -90,7 +91,8 @@ def run_convert(options: argparse.Namespace) -> None:
             lambda done: progress.update(task, completed=done),
             overwrite=options.force,
         )
-    console.say(f"{summary.num_sweeps} sweeps in {options.out}")
+    number = summary.num_sweeps
+    console.say(f"{number} sweep{'s'[: number != 1]} in {options.out}")
     console.say(str(summary))
     for warning in filter(None, (source.note, summary.warning)):
         console.say(f"warning: {warning}")

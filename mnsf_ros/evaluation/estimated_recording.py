@@ -36,8 +36,10 @@ def write_estimated(
     done: Callable[[int], None] = lambda _: None,
     *,
     overwrite: bool = False,
-) -> int:
-    """Estimates the sweeps of a topic and writes what the node would publish. Returns how many.
+) -> tuple[int, bool]:
+    """Estimates the sweeps of a topic and writes what the node would publish.
+
+    Returns how many, and whether the recording was found undamaged.
 
     Sweeps without flow are left out and damage is read around; `warn` gets a line for each.
 
@@ -80,7 +82,7 @@ def write_estimated(
         warn(f"and {len(failures) - _MAX_TOLD} more sweeps without flow")
     for damage in findings.damages:
         warn(str(damage))
-    return num_estimated
+    return num_estimated, not (reader.damages or findings.damages)
 
 
 def _write(

@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Examination of a stream: what its clouds are, and what of them does not fit the method."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -16,8 +17,10 @@ from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.online.preparation import PreparedSweeps
+from mnsf_ros.recording.bag_files import MCAP
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TOPIC
+from mnsf_ros.recording.storage_file import Damage
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
@@ -32,7 +35,7 @@ class Examination:
     Attributes:
         facts: Name to what the input is, in words.
         findings: What does not fit, the worst first.
-        notes: What was noticed while it was read: damage, and events with their counts.
+        notes: What was noticed while it was read: further damage, events with their counts.
     """
 
     facts: dict[str, str]
@@ -104,20 +107,32 @@ def examined(
             odometry = None if pose is None else pose.world_from_frame
             examiner.add(replace(sweep, odometry=odometry))
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
-    damages = [plain_text(damage) for damage in (*recording.damages, *findings.damages)]
-    return examiner.examination(about, (*damages, *events))
+    damages = [*dict.fromkeys((*reader.damages, *findings.damages))]
+    found = examiner.examination(about, (*map(plain_text, damages[1:]), *events))
+    return replace(found, findings=[*_damage(damages), *found.findings])
+
+
+def _damage(damages: Sequence[Damage]) -> Iterator[Finding]:
+    if damages:
+        more = f" (and {len(damages) - 1} more)" if len(damages) > 1 else ""
+        text = f"the recording is damaged: {plain_text(damages[0])}{more}"
+        remedy = "Record or copy it again; what can be read of it is used"
+        if any(Path(damage.file).suffix == MCAP for damage in damages):
+            remedy = "Copy it again, or repair it: `mcap recover` keeps what can be read"
+        yield Finding("the recording is whole", Severity.ERROR, text, remedy)
 
 
 def _about(reader: BagReader, recording: EvaluatedRecording) -> dict[str, str]:
     """The recording, and its poses, in words."""
     first_ns, last_ns = reader.span_ns
     length_s = (last_ns - first_ns) / NANOSECONDS
-    checksums = "with" if reader.has_checksums else "without"
+    # Without its index a file counts as one without checksums, which its chunks may have.
+    checks = "with checksums" if reader.has_checksums else "without checksums"
     poses = recording.odometry or "none named or found (--odometry)"
     if TF_TOPIC in reader.topics and recording.odometry is None:
         poses += f"; {TF_TOPIC} is recorded"
     return {
-        "recording": f"{length_s:.1f} s, {checksums} checksums",
+        "recording": f"{length_s:.1f} s, {'damaged' if reader.damages else checks}",
         "topic": f"{recording.points}, {recording.num_sweeps:,} clouds",
         "poses": poses,
     }

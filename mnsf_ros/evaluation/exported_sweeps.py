@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
-from mnsf_ros.errors import DatasetError
+from mnsf_ros.errors import DatasetError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.outcomes import estimated
@@ -55,8 +55,9 @@ def exported_sweeps(
         following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
         yield without_flow(*following)
-    for damage in findings.damages:
-        warn(str(damage))
+    # What was found on opening is not met again.
+    for damage in dict.fromkeys((*recording.damages, *map(plain_text, findings.damages))):
+        warn(damage)
 
 
 def _poses(

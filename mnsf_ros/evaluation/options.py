@@ -66,7 +66,7 @@ class EvaluationOptions:
     realtime: float = declared(
         0.0,
         "replay at this many times the speed of the recording: triplets are dropped as in the live "
-        "node; 0: no drops",
+        "node (default: none are)",
         0,
         _LARGE,
     )

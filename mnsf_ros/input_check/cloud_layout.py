@@ -42,8 +42,10 @@ class CloudLayout(Assumption):
         facts = {"frame": ", ".join(filter(None, self._frames)) or "none"}
         if not self._lost:
             return facts
-        lost = f"{np.median(self._lost):.1%} of the points, left out"
-        return {**facts, "cloud": self._text, "no returns": lost}
+        facts["cloud"] = self._text
+        if (lost := f"{np.median(self._lost):.1%}") != "0.0%":
+            facts["no returns"] = f"{lost} of the points, left out"
+        return facts
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""

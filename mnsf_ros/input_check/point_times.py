@@ -123,7 +123,8 @@ class TimesOfPoints(Assumption):
                 f"points have no times, and the sensor moves at {speed_m_s:.1f} m/s: up to "
                 f"{shift_m:.1f} m off, if the lidar turns and its driver does not correct it"
             )
-            remedy = "Publish the time of each point, or set time.field=clockwise:180"
+            # No value is named: a wrong one, or one for a cloud of one moment, makes flow worse.
+            remedy = "If so, publish the time of each point, or say by time.field how it turns"
             if self._unused:
                 remedy = f"If the field {self._unused!r} has them, set time.field={self._unused}"
             yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)

@@ -62,7 +62,9 @@ class SimulationSettings:
     def __post_init__(self) -> None:
         check_declared(self)
         if self.num_beams not in BEAM_CHOICES:
-            raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
+            *most, last = BEAM_CHOICES
+            expected = f"{', '.join(map(str, most))} or {last}"
+            raise SettingsError(f"num_beams: got {self.num_beams}, expected {expected}")
         is_known = self.scenario == "adverse" and set(self.conditions.split(",")) <= {*CONDITIONS}
         if self.conditions != _DRAWN and not is_known:
             raise SettingsError(

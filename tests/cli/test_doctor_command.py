@@ -46,6 +46,7 @@ def test_a_street_is_described(street, capsys):
     status, text, _ = said(capsys, "doctor", street)
     assert status == 0
     assert "10.0 Hz" in text
+    assert "no returns" not in text
     assert "x y z intensity ring" in text
     assert "odometry         0.0" in text
     assert text.endswith("Nothing wrong was found; notes: 1.\n")
@@ -61,6 +62,18 @@ def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):
     assert content["findings"][0]["severity"] == "error"
     assert content["findings"][0]["assumption"] == "z is up"
     assert content["facts"]["frame"] == "lidar"
+
+
+def test_damage_is_an_error(street, tmp_path, capsys):
+    cut = tmp_path / "cut.mcap"
+    whole = next(street.glob("*.mcap")).read_bytes()
+    cut.write_bytes(whole[: len(whole) * 6 // 10])
+    status, text, _ = said(capsys, "doctor", cut)
+    assert status == 1
+    assert f"error: the recording is damaged: {cut}, byte " in text
+    assert "`mcap recover` keeps what can be read" in text
+    assert "Nothing wrong" not in text
+    assert "checksums" not in text
 
 
 @pytest.mark.parametrize(
@@ -85,8 +98,16 @@ def test_an_evaluation_says_it_after_its_tables(on_its_side, tmp_path, capsys):
     assert "Input of on_its_side: z is 90 degrees off the normal" in text
 
 
-def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys):
-    assert said(capsys, "doctor", tmp_path / "none")[0] == 2
+def test_a_recording_that_cannot_be_read_is_refused(street, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for source, hint in (
+        (tmp_path / "none.mcap", ""),
+        ("/usr/no_recording", ""),  # the name could be that of a topic
+        ("points", " (a topic: /points)"),
+    ):
+        status, _, text = said(capsys, "doctor", source)
+        assert status == 2
+        assert text == f"mnsf: {source}: no such file or folder{hint}\n"
     status, _, text = said(capsys, "doctor", street, "--points", "/none")
     assert status == 2
     assert "/none" in text

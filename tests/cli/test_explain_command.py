@@ -74,6 +74,7 @@ def test_mover_and_ground(street, sweep, capsys, tmp_path):
     [
         (["--stamp=5", "--at=8,0"], "the stamp 5.000 s; the nearest one has 17164512"),
         (["--at=1000,0"], r"no point within 2 m of \(1000, 0\) m"),
+        (["--at", "-1000,2"], r"no point within 2 m of \(-1000, 2\) m"),
         (["--at=8,0", "--method=zero"], "gives no reasons; online does"),
         (["--at=8,0", "--points=/nothing"], "/nothing"),
     ],

@@ -269,3 +269,12 @@ def test_options_that_do_not_fit_are_refused(street, tmp_path, arguments, words,
     name, *others = arguments
     assert run(["export", name, str(street), "--out", str(tmp_path / "out"), *others]) == EXIT_USAGE
     assert words in capsys.readouterr().err
+
+
+def test_damage_of_a_recording_is_told(make_street, tmp_path, capsys):
+    street = make_street(duration_s=1.0, num_beams=32)
+    cut, whole = tmp_path / "cut.mcap", next(street.glob("*.mcap")).read_bytes()
+    cut.write_bytes(whole[: len(whole) * 6 // 10])
+    out = str(tmp_path / "flows")
+    assert run(["export", "opensceneflow", str(cut), "--out", out, "--method", "ego"]) == 0
+    assert f"{cut}, byte " in capsys.readouterr().out

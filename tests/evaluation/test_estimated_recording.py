@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from mnsf_ros.cli.evaluate import EXIT_INCOMPLETE
 from mnsf_ros.cli.main import run
 from mnsf_ros.geometry.transforms import invert, pose_matrix, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
@@ -91,3 +92,13 @@ def test_without_any_flow_there_is_no_recording(street, tmp_path, capsys):
     assert run(["estimate", str(tmp_path / "one"), "--out", str(out)]) == 2
     assert "no sweep of /points has a flow: three sweeps in a row" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_of_a_damaged_recording_the_readable_part_is_estimated(street, tmp_path, capsys):
+    cut, whole = tmp_path / "cut.mcap", next(street.glob("*.mcap")).read_bytes()
+    cut.write_bytes(whole[: len(whole) * 6 // 10])
+    out = tmp_path / "flow.mcap"
+    assert run(["estimate", str(cut), "--out", str(out)]) == EXIT_INCOMPLETE
+    assert f"{cut}, byte " in capsys.readouterr().err
+    with BagReader(out) as reader:
+        assert reader.topics[f"{NODE}/flow"].count > 0

@@ -284,6 +284,7 @@ def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, mnsf):
         (["--set=optimization.max_iterations=2.5"], "optimization.max_iterations: got 2.5"),
         (["--points=/lidar"], "no topic '/lidar'"),
         (["--num-points=-1"], "num_points: got -1"),
+        (["--realtime=0"], "--realtime: got 0, expected more"),
         (["--realtime=-1"], "realtime: got -1.0"),
         (["--workers=0"], "workers: got 0"),
         (["nowhere.mcap"], "nowhere.mcap: no such file"),

@@ -223,6 +223,8 @@ def test_without_times_it_cannot_be_known_whether_the_lidar_turns():
     (finding,) = checked(street(is_rolling=False)).findings()
     assert not finding.is_wrong
     assert "points have no times, and the sensor moves at 8.0 m/s" in finding.found
+    assert "time.field how it turns" in finding.remedy
+    assert "clockwise" not in finding.remedy
 
 
 def test_facts_describe_the_stream():
