@@ -159,7 +159,8 @@ class Diagnostics:
         lost = f"clouds are lost in transport (see {SWEEPS_LOST})"
         namesakes = f"{state.num_namesakes + 1} nodes have the name {self._node_name}"
         if state.num_namesakes:
-            text = f"{namesakes}, and publish on the same topics; set name:= or namespace:="
+            advice = "remap __node or __ns (launch: name:=, namespace:=)"
+            text = f"{namesakes}, and publish on the same topics: {advice}"
             self._faults.warn("namesakes", text)
         level, message = _first(
             (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),

@@ -256,11 +256,14 @@ class TestTopicThatNobodyNamed:
         lidar.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", messages.append)
         for topic in ("/rear", "/front"):
             lidar.publisher(topic, CLOUD_TYPE)
-        expected = "on /scene_flow/points: clouds are on /front, /rear: name one with points:=TOPIC"
+        expected = (
+            "no sweep on /scene_flow/points: clouds are on /front, /rear: name one of them "
+            "(node: remap ~/points; launch: points:=TOPIC)"
+        )
         give_up_s = time.monotonic() + PATIENCE_S
-        while expected not in process.log:
+        while not messages or messages[-1].status[0].message != expected:
             assert time.monotonic() < give_up_s, process.log
             lidar.spin_for(0.1)
         lidar.spin_for(2.0)  # far more than it takes to settle
-        assert expected in messages[-1].status[0].message
-        assert process.log.count(expected) == 1
+        assert messages[-1].status[0].message == expected
+        assert "waits for the only topic of clouds, flow on /scene_flow/flow" in process.log
