@@ -66,6 +66,10 @@ class FaultLog:
         """Warns of a fault, unless one of its kind was logged lately."""
         self._logger(kind).warning(f"{text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
 
+    def inform(self, kind: str, text: str) -> None:
+        """Tells of what is no fault by itself, likewise."""
+        self._logger(kind).info(f"{text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
+
     def unexpected(self, what: str, error: Exception) -> None:
         """Logs an error that is a defect, with its traceback; one of ROS alone is one line."""
         frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]

@@ -17,8 +17,9 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
 _CLOCK_PERIOD_S: Final = 0.025
-# Between the stamps of two rounds: as between sweeps of most lidars.
-_GAP_NS: Final = NANOSECONDS // 10
+# Between the stamps of two rounds, which follow each other at once. All that moves jumps back: for
+# whoever follows it, it is a break.
+_GAP_NS: Final = 10 * NANOSECONDS
 _HEADER_AT: Final = 4
 
 Publish = Callable[[bytes], None]

@@ -147,7 +147,9 @@ class SceneFlowParts:
         self._tell_mounting(sweep.frame_id)
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
-            self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+            # A recording that is played in a loop has gaps, too.
+            tell = self._faults.inform if arrival is Arrival.GAP else self._faults.warn
+            tell(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
         self._input_check.add(sweep, self._input.num_parts)
 
     def _tell_mounting(self, frame_id: str) -> None:

@@ -125,7 +125,11 @@ def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain:
     assert is_round(), said
     assert process.returncode == 0
     stamps_s = [seconds + nanoseconds / 1e9 for seconds, nanoseconds in map(stamp_of, heard)]
-    assert np.diff(stamps_s) == pytest.approx(0.1, abs=0.01)
+    steps_s = np.diff(stamps_s)
+    assert all(
+        step == pytest.approx(0.1, abs=0.01) or step == pytest.approx(10) for step in steps_s
+    )
+    assert np.count_nonzero(steps_s > 1) >= 1
 
 
 @pytest.mark.parametrize(
