@@ -69,7 +69,7 @@ endif
 demo: SHELL := bash
 demo: export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 demo: export ROS_DOMAIN_ID := $(or $(DOMAIN),$(shell shuf -i 1-101 -n 1))
-demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, through the live node, on a page; DOMAIN=number is its ROS domain
+demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, through the live node, on a page; its ROS domain: DOMAIN=
 	@trap 'kill $$play $$node $$view 2> /dev/null; wait' EXIT; trap exit HUP INT TERM; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
 	$(BIN)/scene_flow_node --ros-args --log-level warn \
