@@ -59,17 +59,23 @@ $(COMPLETE): $(READY)
 	fi; $(INSTALL) ".[$(EXTRAS),$${networks}$(ADDED)]"
 	touch $@
 
+ifneq ($(BAG),)
+$(if $(shell test -e '$(BAG)' && echo yes),,$(error BAG=$(BAG): no such recording; give its path))
+endif
+
 # A simulated street, or BAG, through the live node, whose flow is on a page for a browser. In a
-# domain of ROS of its own, away from robots.
+# domain of ROS of its own, away from robots, whatever ROS_DOMAIN_ID says. All of it ends with the
+# first part that does.
+demo: SHELL := bash
 demo: export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 demo: export ROS_DOMAIN_ID := $(or $(DOMAIN),$(shell shuf -i 1-101 -n 1))
-demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, through the live node, on a page
+demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, through the live node, on a page; its ROS domain: DOMAIN=
 	@trap 'kill $$play $$node $$view 2> /dev/null; wait' EXIT; trap exit HUP INT TERM; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
 	$(BIN)/scene_flow_node --ros-args --log-level warn \
 		-r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
 	$(BIN)/mnsf view $(VIEW_OPTIONS) & view=$$!; \
-	wait $$view
+	wait -n
 
 # The same on the page alone, to play, pause and step.
 view: $(READY) $(if $(BAG),,$(STREET)) ## the same without the node, to pause and step

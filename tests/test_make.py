@@ -16,35 +16,66 @@ _PATIENCE_S = 600  # however busy the machine is
 _HAS_PROGRAMS = Path(sys.prefix, "bin", "scene_flow_node").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("own_domain")
-@pytest.mark.skipif(
+_NEEDS_NODE = pytest.mark.skipif(
     not _HAS_PROGRAMS or importlib.util.find_spec("rclpy") is None or shutil.which("make") is None,
     reason="needs make, ROS and the installed package",
 )
-def test_a_demo_ends_with_its_address_and_with_make(make_street):
+
+
+def started_demo(recording):
     of_tests = f"--old-file={sys.prefix}/ready", f"VENV={sys.prefix}"
     alone = f"DOMAIN={os.environ['ROS_DOMAIN_ID']}", "VIEW_OPTIONS=--port 0"
-    demo = subprocess.Popen(
-        ["make", *of_tests, *alone, "demo", f"BAG={make_street()}"],
+    return subprocess.Popen(
+        ["make", *of_tests, *alone, "demo", f"BAG={recording}"],
         cwd=ROOT,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
     )
-    said = []
-    for line in demo.stdout:
-        said.append(line)
-        if line.startswith("open http://127.0.0.1:"):
-            break
-    assert len(said) == 2, said
-    assert said[0].startswith("playing ")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("own_domain")
+@_NEEDS_NODE
+def test_a_demo_ends_with_its_address_and_with_make(make_street):
+    demo = started_demo(make_street())
+    said = [next(demo.stdout), next(demo.stdout)]
     demo.send_signal(signal.SIGTERM)
     # Its output ends with the last process that has it.
     after, _ = demo.communicate(timeout=_PATIENCE_S)
+    page, playing = sorted(said)
+    assert page.startswith("open http://127.0.0.1:")
+    assert playing.startswith("playing ")
     assert "Traceback" not in after
     assert demo.returncode == -signal.SIGTERM or demo.returncode > 0
+
+
+@pytest.mark.usefixtures("own_domain")
+@_NEEDS_NODE
+def test_a_demo_ends_with_the_first_of_its_programs(tmp_path):
+    # The node and the page would go on without a recording.
+    demo = started_demo(tmp_path)
+    said, _ = demo.communicate(timeout=_PATIENCE_S)
+    assert f"mnsf: {tmp_path}: " in said
+    assert "Traceback" not in said
+    assert demo.returncode == 2
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+@pytest.mark.parametrize("target", ["demo", "view"])
+def test_a_recording_that_does_not_exist_is_refused_before_all_else(tmp_path, target):
+    missing = tmp_path / "no where"
+    done = subprocess.run(
+        ["make", f"VENV={tmp_path}/venv", target, f"BAG={missing}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert f"BAG={missing}: no such recording" in done.stderr
+    assert not any(tmp_path.iterdir())
 
 
 _PIP = """#!/bin/sh

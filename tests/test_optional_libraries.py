@@ -150,7 +150,7 @@ class TestNode:
     def test_starts_without_torch(self):
         process = started("torch", "mnsf_ros.node.__main__")
         for line in process.stdout:
-            if "sweeps from /scene_flow/points" in line:
+            if "waits for the only topic of clouds, flow on /scene_flow/flow" in line:
                 break
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=_PATIENCE_S)

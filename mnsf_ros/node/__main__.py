@@ -11,7 +11,7 @@ try:
     import argparse
     import signal
     from itertools import takewhile
-    from typing import TYPE_CHECKING
+    from typing import TYPE_CHECKING, NoReturn
 
     from mnsf_ros import __version__
     from mnsf_ros.errors import SettingsError, library_missing, one_line
@@ -71,8 +71,9 @@ def main(*, has_life_cycle: bool = False) -> None:
         keep_memory()
         status = _run(signals, has_life_cycle=has_life_cycle)
     except ModuleNotFoundError as error:
-        sys.stderr.write(f"scene_flow_node: {library_missing(error)}\n")
-        sys.exit(_EXIT_USAGE)
+        _refuse(library_missing(error))
+    except SettingsError as error:
+        _refuse(str(error))
     for stream in (sys.stdout, sys.stderr):
         # None where the caller has closed it.
         if stream is not None:
@@ -86,6 +87,11 @@ def main(*, has_life_cycle: bool = False) -> None:
 def lifecycle_main() -> None:
     """Runs the node with a life cycle, see `main`."""
     main(has_life_cycle=True)
+
+
+def _refuse(text: str) -> NoReturn:
+    sys.stderr.write(f"scene_flow_node: {text}\n")
+    sys.exit(_EXIT_USAGE)
 
 
 class _EndSignals:

@@ -51,6 +51,8 @@ _REASONS: Final = {
 
 _LOST_SHARE: Final = 0.2  # of clouds lost to sweeps received; above it is an error
 _WINDOW_S: Final = 10.0  # of rates
+# Nodes need a while to find each other, and a program that publishes a recording to start.
+FIRST_PATIENCE_S: Final = 10.0
 
 _OK, _WARN, _ERROR, _STALE = (
     DiagnosticStatus.OK,
@@ -157,7 +159,8 @@ class Diagnostics:
         lost = f"clouds are lost in transport (see {SWEEPS_LOST})"
         namesakes = f"{state.num_namesakes + 1} nodes have the name {self._node_name}"
         if state.num_namesakes:
-            text = f"{namesakes}, and publish on the same topics; set name:= or namespace:="
+            advice = "remap __node or __ns (launch: name:=, namespace:=)"
+            text = f"{namesakes}, and publish on the same topics: {advice}"
             self._faults.warn("namesakes", text)
         level, message = _first(
             (new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED], _ERROR, lost),
@@ -173,7 +176,8 @@ class Diagnostics:
         if level == _STALE:
             message += f": {self._cause_of_silence()}"
             silence_s = self._now_s - max(last_s, self._listens_since_s)
-            if silence_s > limits.stale_after_s:
+            first_s = 0.0 if SWEEPS_RECEIVED in snapshot.last_s else FIRST_PATIENCE_S
+            if silence_s > max(first_s, limits.stale_after_s):
                 self._faults.warn(message, f"{message} ({silence_s:.0f} s of silence)")
         values = {
             "topic": state.topic,

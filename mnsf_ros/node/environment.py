@@ -4,6 +4,7 @@
 import ctypes
 import faulthandler
 import os
+import re
 import socket
 import sys
 from collections.abc import Iterator, MutableMapping
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.core.compute_device import let_threads_sleep
+from mnsf_ros.errors import SettingsError, shortened
 
 # Of a lidar driver, and of the node where sockets cannot hold a cloud.
 TRANSPORT_PROFILE: Final = Path(__file__).with_name("fastdds.xml")
@@ -23,6 +25,8 @@ _SOCKET_BYTES: Final = 32 * 2**20
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 # Makes the ROS layer read the profiles of readers and writers, too.
 _READS_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"
+# The ports of a higher domain would be above 65535.
+_MAX_DOMAIN: Final = 232
 
 # A participant of Fast DDS that is destroyed while it discovers another one may wait for ever: it
 # holds the lock that the discovery needs to end.
@@ -47,7 +51,11 @@ def prepare_environment(
 
     The Fast DDS profile lets clouds of several megabytes through and gives their memory back. The
     node itself hears drivers that have no profile, too.
+
+    Raises:
+        SettingsError: If ROS_DOMAIN_ID is no domain of ROS.
     """
+    _check_domain(environment.get("ROS_DOMAIN_ID", ""))
     profile = UDP_PROFILE if is_node and sockets_hold_clouds() else TRANSPORT_PROFILE
     given = [name for name in _PROFILE_VARIABLES if environment.get(name)]
     for name in given or _PROFILE_VARIABLES[:1]:
@@ -56,6 +64,15 @@ def prepare_environment(
             environment[name] = str(profile)
             environment.setdefault(_READS_PROFILE, "1")
     let_threads_sleep(environment)
+
+
+def _check_domain(text: str) -> None:
+    # ROS takes an empty text for none.
+    if text and not (re.fullmatch("[0-9]{1,9}", text) and int(text) <= _MAX_DOMAIN):
+        raise SettingsError(
+            f"ROS_DOMAIN_ID is {shortened(text)}, expected a whole number from 0 to {_MAX_DOMAIN}: "
+            "export another one, or unset it for 0"
+        )
 
 
 def sockets_hold_clouds(num_bytes: int = _CLOUD_BYTES) -> bool:

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from typing import Final
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.diagnostics import FIRST_PATIENCE_S
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import Report
 from mnsf_ros.node.sweep_input import SweepInput
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Nodes need a while to find each other.
-_SILENCE_S: Final = 10.0
 _SPIN_S: Final = 0.1
 
 
@@ -33,7 +32,7 @@ def live_sweeps(
         source = SweepInput(
             ros.node, settings, report, lambda sweep, _: found.append((sweep, source.num_parts))
         )
-        end_s, is_silent = time.monotonic() + _SILENCE_S, True
+        end_s, is_silent = time.monotonic() + FIRST_PATIENCE_S, True
         while time.monotonic() < end_s:
             ros.spin_for(_SPIN_S)
             if found and is_silent:
@@ -45,5 +44,5 @@ def live_sweeps(
     if is_silent:
         raise SettingsError(
             f"{topic}: no such recording, and no cloud came on this topic within "
-            f"{_SILENCE_S:g} s; {cause}"
+            f"{FIRST_PATIENCE_S:g} s; {cause}"
         )

@@ -131,7 +131,10 @@ class SceneFlowParts:
         if unused := self._settings.without_effect:
             self._logger.warning(unused)
         self._logger.info(greeting(self._settings))
-        self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
+        sweeps = f"sweeps from {self._input.state.topic}"
+        if self._input.is_searching:
+            sweeps = "waits for the only topic of clouds"
+        self._logger.info(f"{sweeps}, flow on {self._outputs.topic}")
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:
         self._pipeline.statistics.count(event, how_many)

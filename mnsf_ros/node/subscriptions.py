@@ -40,8 +40,6 @@ _TRACK_QOS: Final = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFF
 # The reliability is a parameter of its own, because it changes.
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 
-# Publishers that were there before are known by then.
-_DISCOVERY_S = 3.0
 # Clouds come more often, twice a second at least.
 _SILENCE_S = 1.0
 
@@ -60,16 +58,14 @@ Item = TypeVar("Item", bound=Stamped)
 class MissedClouds:
     """Counts clouds that a queue has overwritten: it says nothing, but a publisher numbers them.
 
-    With more than one publisher, or a middleware without numbers, there is no telling.
+    The first cloud of a publisher is where its count begins: what it sent before was sent while it
+    and the node had not found each other. With more than one publisher, or a middleware without
+    numbers, there is no telling.
     """
 
     def __init__(self) -> None:
         self._last_number: int | None = None
         self._last_publishers = 0
-
-    def expect_a_new_publisher(self) -> None:
-        """Nobody publishes: what the next one sends before its first cloud arrives is missed."""
-        self._last_number, self._last_publishers = 0, 0
 
     def before(self, number: int | None, num_publishers: int) -> int:
         """Returns how many clouds are missing between the last one and this one.
@@ -84,7 +80,7 @@ class MissedClouds:
         if number is None or last is None or not is_one:
             return 0
         # A publisher that starts anew begins at 1.
-        return number - 1 - (last if number > last else 0)
+        return max(0, number - 1 - last)
 
 
 class InputSubscription:
@@ -113,8 +109,6 @@ class InputSubscription:
         self._wanted = reliability
         self._on_cloud = on_cloud
         self._report = report
-        self._missed = MissedClouds()
-        self._start_s = time.monotonic()
         self._is_reliable = reliability == "reliable"
         self._class: Any = PointCloud2
         self._heard_s = -math.inf
@@ -154,8 +148,8 @@ class InputSubscription:
         offered = self._node.get_publishers_info_by_topic(self.topic)
         if offered:
             self._search = None
-        elif time.monotonic() - self._start_s > _DISCOVERY_S:
-            self._missed.expect_a_new_publisher()
+        else:
+            self._missed = MissedClouds()
         if self._search is not None and (found := self._search.found()):
             self._node.get_logger().info(f"sweeps from {found}, the only topic of clouds")
             self._topic, self._search = found, None
@@ -179,6 +173,7 @@ class InputSubscription:
         return QoSProfile(depth=_DEPTH, reliability=policy)
 
     def _subscribe(self) -> Any:  # noqa: ANN401 - rclpy's type differs between releases
+        self._missed = MissedClouds()
         return self._node.create_subscription(
             self._class,
             self._topic,

@@ -119,15 +119,21 @@ class SweepInput:
         )
 
     @property
+    def is_searching(self) -> bool:
+        """Whether no topic is named, so that the only one with clouds will be taken."""
+        return self._subscriptions[0].is_searching
+
+    @property
     def silence(self) -> str:
         """Why no sweep comes, as far as the ROS graph tells."""
         causes = [fault for one in self._subscriptions if (fault := one.fault)]
         own = {subscription.topic for subscription in self._subscriptions}
         others = [topic for topic in cloud_topics(self._node) if topic not in own]
         if others:
-            is_taken = len(others) == 1 and self._subscriptions[0].is_searching
-            advice = "" if is_taken else ": name one with points:=TOPIC"
-            causes.append(f"clouds are on {', '.join(others)}{advice}")
+            is_taken = len(others) == 1 and self.is_searching
+            advice = "name one of them (node: remap ~/points; launch: points:=TOPIC)"
+            then = "the only topic, which is taken in a moment" if is_taken else advice
+            causes.append(f"clouds are on {', '.join(others)}: {then}")
         causes = causes or unusable_topics(self._node)
         return "; ".join(causes) or "no clouds are published, see ROS_DOMAIN_ID if some should be"
 

@@ -223,7 +223,7 @@ class TestLevels:
         assert story.says(**{"node.max_latency_ms": 100})[1] == (WARN, text)
 
     def test_of_silence_have_its_cause_and_log_each_once(self, story):
-        assert story.says()[0] == (STALE, SILENCE)
+        story.receive()
         # Nobody listens in a pause.
         story.now_s += 3.0
         story.says(pause="disabled")
@@ -236,6 +236,15 @@ class TestLevels:
             f"{SILENCE} (3 s of silence)",
             "no sweep on /points: /points is a sensor_msgs/msg/LaserScan (6 s of silence)",
         ]
+
+    def test_of_silence_before_the_first_sweep_are_logged_after_ten_seconds(self, story):
+        for _ in range(10):
+            assert story.says()[0] == (STALE, SILENCE)
+            story.now_s += 1.0
+            assert not story.warnings
+        story.now_s += 0.1
+        story.says()
+        assert list(story.warnings.values()) == [f"{SILENCE} (10 s of silence)"]
 
     def test_while_the_node_is_disabled(self, story):
         story.receive("clouds_missed")

@@ -13,6 +13,7 @@ from moving_boxes import surfaces
 from node_harness import PREPARED
 from synthetic_clouds import ADDED_BYTES, xyz_message
 
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.node import environment
 from mnsf_ros.node.environment import TRANSPORT_PROFILE, UDP_PROFILE
 
@@ -44,6 +45,30 @@ def test_variables_are_set_unless_the_user_has_set_them(monkeypatch, given, is_s
     own = {_PROFILE: str(profile), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
     own |= {"OMP_WAIT_POLICY": "PASSIVE", "OPENBLAS_NUM_THREADS": "1"}
     assert found == (given | own if is_set else given)
+
+
+@pytest.mark.parametrize("domain", ["abc", "233", "-1", "1.5", " 5", "9" * 20])
+def test_a_domain_that_ros_does_not_have_is_refused(domain):
+    found = {"ROS_DOMAIN_ID": domain}
+    with pytest.raises(SettingsError, match=r"expected a whole number from 0 to 232"):
+        environment.prepare_environment(found)
+    for known in ("", "0", "007", "232"):
+        environment.prepare_environment(found | {"ROS_DOMAIN_ID": known})
+
+
+@pytest.mark.parametrize("words", ["cli doctor /x", "cli play .", "cli view", "node"])
+def test_node_and_commands_refuse_a_domain_in_one_line(words):
+    module, *arguments = words.split()
+    done = subprocess.run(
+        [sys.executable, "-m", f"mnsf_ros.{module}", *arguments],
+        env=os.environ | {"ROS_DOMAIN_ID": "abc"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert ": ROS_DOMAIN_ID is 'abc', expected a whole number from 0 to 232: " in line
 
 
 def test_advice_on_lost_clouds_names_what_this_machine_lacks(monkeypatch):
