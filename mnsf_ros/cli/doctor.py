@@ -47,11 +47,11 @@ def add_doctor(arguments: Arguments) -> str:
 
 def run_doctor(options: argparse.Namespace) -> int:
     """Prints the examination; returns the exit status."""
-    from mnsf_ros.evaluation.examination import examined
-
     settings = chosen_settings(options)
     if not _is_topic(options.source):
         paths = [_recording(options.source)]
+        from mnsf_ros.evaluation.examination import examined
+
         (recording,) = chosen_recordings(paths, options.points, options.odometry)
         about = {"recording": recording.path, "points": recording.points}
         found = examined(recording, settings, options.duration_s)
