@@ -68,9 +68,11 @@ class LidarRotation:
         mounting = self._mounting.found
         return mounting is None or mounting.is_level
 
-    @property
-    def found(self) -> Rotation | None:
-        """The rotation; None if there is none, or if the sensor has not moved enough."""
+    def find(self) -> Rotation | None:
+        """Registers the sweeps under each guess, which takes seconds, and returns the rotation.
+
+        None if there is none, or if the sensor has not moved enough.
+        """
         kept = self._located
         if len(kept) < _MIN_COMPARED or _way_m(kept[0], kept[-1]) < _MIN_WAY_M:
             return None

@@ -106,7 +106,7 @@ class TimesOfPoints(Assumption):
         return bool(np.median([one.is_turning for one in self._times]))
 
     def _without(self) -> Iterator[Finding]:
-        rotation = None if self._rotation is None else self._rotation.found
+        rotation = None if self._rotation is None else self._rotation.find()
         if rotation is not None:
             found = (
                 "points have no times, but the lidar turns: static things stay within "

@@ -28,7 +28,7 @@ def rotation(speed_m_s, *, is_corrected):
         xyz = straight.astype(np.float32) if is_corrected else sweep.xyz
         own = mounting.mounted(replace(sweep, xyz=xyz, times_s=None), Settings())
         found.add(Located(own, pose(0.1 * speed_m_s * number), "registration"))
-    return found.found
+    return found.find()
 
 
 @pytest.mark.parametrize("is_corrected", [False, True])
