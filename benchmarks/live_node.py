@@ -21,10 +21,10 @@ from std_msgs.msg import Header
 
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.raw_topics import RawTopics, message_class
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.stream.pipeline import TRIPLET_ENDS
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 
 FIRST_NS: Final = 10**18

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Clouds in other messages than PointCloud2: compressed ones, and those of Livox."""
+"""Types of messages with clouds; clouds in others than PointCloud2: compressed, of Livox."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from msg_utils.errors import MessageError, describe
 from msg_utils.expansion import MAX_BYTES, expanded
 from msg_utils.point_cloud2 import encode_columns
 
+CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 COMPRESSED_TYPE: Final = "point_cloud_interfaces/msg/CompressedPointCloud2"
 # Of Livox's drivers for ROS 2, their predecessor, and that for ROS 1: the same message.
 _LIVOX: Final = ("livox_ros_driver2", "livox_interfaces", "livox_ros_driver")

@@ -3,8 +3,9 @@
 
 from types import SimpleNamespace
 
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, jazzy
+from mnsf_ros.recording.bag_topics import jazzy
 from msg_utils.cdr import serialized_cloud
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.stamps import encode_stamp
 
 

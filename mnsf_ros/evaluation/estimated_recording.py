@@ -12,7 +12,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.outcomes import pushed
 from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, UsedTopics
+from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
@@ -20,6 +20,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
 from mnsf_ros.sweeps_io.movers_at_stamp import moving_cloud
 from mnsf_ros.sweeps_io.predicted_ground import predicted_columns
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 
 _NODE: Final = "/scene_flow"

@@ -11,9 +11,8 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.node.raw_topics import MessageTypeError, message_class
-from msg_utils.other_clouds import COMPRESSED_TYPE, LIVOX_TYPES
+from msg_utils.other_clouds import CLOUD_TYPE, COMPRESSED_TYPE, LIVOX_TYPES
 
-_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 # Clouds of a scene flow node, which may also be those of a recording that is played.
 _OWN_ENDS: Final = (
     *("/flow", "/flow/moving", "/flow/standing"),
@@ -32,7 +31,7 @@ _SETTLE_S: Final = 1.0
 
 def cloud_class(types: Collection[str]) -> Any:  # noqa: ANN401 - a class of ROS, or None
     """Returns the class of the first type of clouds that can be subscribed to; None without one."""
-    if _CLOUD_TYPE in types:
+    if CLOUD_TYPE in types:
         return PointCloud2
     if COMPRESSED_TYPE in types:
         with suppress(MessageTypeError):

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import RecordingError
-from msg_utils.other_clouds import COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
+from msg_utils.other_clouds import CLOUD_TYPE, COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
 
 POINTS_TOPIC: Final = "/points"
 IMU_TOPIC: Final = "/imu"
@@ -21,7 +21,6 @@ TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
 TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
 TF_TOPIC: Final = "/tf"
 
-CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 IMU_TYPE: Final = "sensor_msgs/msg/Imu"
 # That are read as clouds, the first ones rather.
 CLOUD_TYPES: Final = (CLOUD_TYPE, COMPRESSED_TYPE, *LIVOX_TYPES)

@@ -21,7 +21,6 @@ from mnsf_ros.errors import UNREADABLE, RecordingError, reason
 from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.recording.bag_files import new_folder
 from mnsf_ros.recording.bag_topics import (
-    CLOUD_TYPE,
     ODOMETRY_FRAME,
     POINTS_TOPIC,
     TF_TOPIC,
@@ -36,6 +35,7 @@ from mnsf_ros.sweeps_io.object_markers import objects_markers
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.errors import checked_integer
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 from msg_utils.stamps import encode_stamp
 

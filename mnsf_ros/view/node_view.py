@@ -21,13 +21,17 @@ from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.page_view import PageView
 from mnsf_ros.view.scene_message import DrawnSweep, Paths, motion_colors, scene_message
 from msg_utils.errors import MessageError
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 from msg_utils.stamps import decode_stamp
 
 _LOG = logging.getLogger(__name__)
-_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 # Below the name of the node; together they are a scene.
-_PARTS: Final = {"/flow": _CLOUD, "/objects": _CLOUD, "/ego_motion": "nav_msgs/msg/Odometry"}
+_PARTS: Final = {
+    "/flow": CLOUD_TYPE,
+    "/objects": CLOUD_TYPE,
+    "/ego_motion": "nav_msgs/msg/Odometry",
+}
 _LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
 _QUESTIONS: Final = ("/explain", "geometry_msgs/msg/PointStamped")
 _ANSWERS: Final = "/explanation"

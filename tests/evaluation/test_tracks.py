@@ -22,10 +22,11 @@ from mnsf_ros.evaluation.tracks import (
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import pose_quaternion, sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, TF_TYPE, jazzy, used_topics
+from mnsf_ros.recording.bag_topics import TF_TYPE, jazzy, used_topics
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import EgoMotionSettings, Settings
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 
 

@@ -19,8 +19,7 @@ from synthetic_clouds import xyz_message
 from mnsf_ros.node.cloud_topics import CloudSearch, cloud_topics, fault_of
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import InputSubscription, MissedClouds
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
-from msg_utils.other_clouds import COMPRESSED_TYPE
+from msg_utils.other_clouds import CLOUD_TYPE, COMPRESSED_TYPE
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,9 @@ from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.node.play import in_time, play
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.bag_topics import ODOMETRY_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
+from msg_utils.other_clouds import CLOUD_TYPE
 
 TOPICS = ("/points", "/truth/odometry")
 AFTER_STAMP = 12

@@ -15,7 +15,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode
 
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.other_clouds import CLOUD_TYPE
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -23,8 +23,9 @@ from rosbags.typesys import get_types_from_msg
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader, open_recording
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary, find_topic
+from mnsf_ros.recording.bag_topics import ODOMETRY_TYPE, TopicSummary, find_topic
 from mnsf_ros.recording.bag_writer import BagWriter
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -11,9 +11,10 @@ from mcap.writer import Writer as McapWriter
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.bag_topics import ODOMETRY_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.storage_file import Damage
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -11,11 +11,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, used_topics
+from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.expansion import zstd_library
-from msg_utils.other_clouds import COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
+from msg_utils.other_clouds import CLOUD_TYPE, COMPRESSED_TYPE, DEFINITIONS, LIVOX_TYPES
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 
 NUM = 100

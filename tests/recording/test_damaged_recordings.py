@@ -16,8 +16,8 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader, open_recording
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.storage_file import Damage
+from msg_utils.other_clouds import CLOUD_TYPE
 
 ALL = list(range(tiny_bags.NUM_CLOUDS))
 # A cloud of so many points fills a chunk of its own.

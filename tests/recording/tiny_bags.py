@@ -10,7 +10,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 from msg_utils.stamps import decode_stamp
 

@@ -13,10 +13,10 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
 from mnsf_ros.studies.study import STUDIES, CaseStudySettings, StudyOptions, run_study
+from msg_utils.other_clouds import CLOUD_TYPE
 
 FEW_STEPS = {
     "crop.max_range_m": 20.0,

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.node.raw_topics import RawTopics
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.other_clouds import CLOUD_TYPE
 
 CHECKOUT = Path(__file__).parents[2]
 

@@ -25,11 +25,12 @@ from std_msgs.msg import Header
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.node.parameters import NodeParameters
 from mnsf_ros.node.raw_topics import RawTopics
-from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.bag_topics import ODOMETRY_TYPE
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from mnsf_ros.view.node_view import NodeView
 from mnsf_ros.view.page_server import PageServer
 from msg_utils.cdr import serialized_cloud
+from msg_utils.other_clouds import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 
 PATIENCE_S = 60.0
