@@ -54,7 +54,7 @@ _CALLED_DYNAMIC: Final = {
     "recall": _percent("recall"),
     "iou": _percent("IoU"),
     "ghosts_per_sweep": Column("false movers per sweep", 2),
-    "ghost_sweeps": _percent("sweeps with one"),
+    "ghost_sweeps": _percent("sweeps with false movers"),
 }
 _TRACKED: Final = {
     "velocity_error_m_s": Column("velocity error (m/s)", 2),
