@@ -26,7 +26,7 @@ _ADVICE: Final = {
     **dict.fromkeys(LIVOX_TYPES, "; set xfer_format: 0 in the driver"),
 }
 # Nodes need a while to find each other; one more topic may turn up until then.
-_SETTLE_S: Final = 1.0
+_SETTLE_S: Final = 0.5
 
 
 def cloud_class(types: Collection[str]) -> Any:  # noqa: ANN401 - a class of ROS, or None
