@@ -89,7 +89,7 @@ class CloudSearch:
         self._since_s = time.monotonic()
 
     def found(self) -> str | None:
-        """Returns the topic, once it has been the only one for a second; call it repeatedly."""
+        """Returns the topic, once it was the only one for half a second; call it repeatedly."""
         topics, now_s = cloud_topics(self._node), time.monotonic()
         if topics != self._topics:
             self._topics, self._since_s = topics, now_s
