@@ -10,8 +10,9 @@ import numpy as np
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
+from mnsf_ros.evaluation.tracks import recorded_clouds
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
@@ -96,16 +97,13 @@ def examined(
     examiner = Examiner(settings)
     findings = examiner.findings
     with BagReader(recording.path) as reader:
-        poses = recorded_track(reader, recording.odometry, settings, findings)
         about = _about(reader, recording)
         end_ns = np.inf
-        for sweep in filter(None, recorded_clouds(reader, recording.points, settings, findings)):
+        for sweep in recorded_clouds(reader, recording.topics, settings, findings):
             end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
             if sweep.stamp_ns > end_ns:
                 break
-            pose = poses.pose_at(sweep.stamp_ns)
-            odometry = None if pose is None else pose.world_from_frame
-            examiner.add(replace(sweep, odometry=odometry))
+            examiner.add(sweep)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [*dict.fromkeys((*reader.damages, *findings.damages))]
     found = examiner.examination(about, (*map(plain_text, damages[1:]), *events))

@@ -7,16 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import (
-    Event,
-    Findings,
-    TruthTrack,
-    recorded_sweeps,
-    recorded_track,
-    truth_clouds,
-)
+from mnsf_ros.evaluation.tracks import recorded_sweeps, recorded_track
+from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth

@@ -8,7 +8,7 @@ from pathlib import Path
 from mnsf_ros.errors import EvaluationError, RecordingError, plain_text
 from mnsf_ros.recording.bag_files import fingerprint
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.recording.bag_topics import UsedTopics, used_topics
 from mnsf_ros.setting import SettingValue
 
 
@@ -24,6 +24,11 @@ class EvaluatedRecording:
     num_sweeps: int  # that are stored
     damages: list[str]  # unreadable parts
     fingerprint: dict[str, SettingValue]  # see `recording.bag_files`
+
+    @property
+    def topics(self) -> UsedTopics:
+        """The topics that are used."""
+        return UsedTopics(self.points, self.truth, self.odometry)
 
     @property
     def identity(self) -> dict[str, object]:

@@ -11,11 +11,11 @@ from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector
 from mnsf_ros.drawing.charts import Panel, match_picture
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.movers import LostBy, lost_by
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 

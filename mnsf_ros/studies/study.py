@@ -10,11 +10,11 @@ import pandas as pd
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import session_now
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.report.text_table import TextTable, markdown_text
 from mnsf_ros.studies.settings import STUDIES, CaseStudySettings

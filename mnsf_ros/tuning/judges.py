@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.summary import summarize
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream

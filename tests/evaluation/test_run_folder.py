@@ -11,13 +11,13 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import named_recordings
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, from_json, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.task import FinishedTask
-from mnsf_ros.evaluation.tracks import Event
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
