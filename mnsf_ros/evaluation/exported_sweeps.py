@@ -55,7 +55,7 @@ def exported_sweeps(
         following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
         yield without_flow(*following)
-    # What was found on opening is not met again.
+    # Damage found on opening is not met again.
     for damage in dict.fromkeys((*recording.damages, *map(plain_text, findings.damages))):
         warn(damage)
 

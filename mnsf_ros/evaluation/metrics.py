@@ -72,7 +72,7 @@ def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
 def by_motion(
     estimate: NDArray[Any], truth: NDArray[Any], dynamic: NDArray[np.bool_]
 ) -> dict[str, FlowErrors]:
-    """Scores `all` points, and apart those that are `dynamic` (N,) and those that are `static`."""
+    """Scores `all` points, those that are `dynamic` (N,), and those that are `static`."""
     parts = {"all": np.ones_like(dynamic), "dynamic": dynamic, "static": ~dynamic}
     return {name: flow_errors(estimate[mask], truth[mask]) for name, mask in parts.items()}
 
@@ -83,9 +83,7 @@ def errors_by_band(
     values: NDArray[np.float64],
     limits: tuple[float, ...],
 ) -> dict[str, FlowErrors]:
-    """Scores points apart by bands of some values (N,), which are at least 0.
-
-    The upper limits of the bands are ascending, the last one is infinite.
+    """Scores points in bands of values (N,) from 0 to ascending upper limits, the last infinite.
 
     Returns:
         Upper limit as text (`10`, `inf`) to errors; bands without points are missing.
