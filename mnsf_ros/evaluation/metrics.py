@@ -14,7 +14,7 @@ The formulas are those of the paper's own code, at its edges too:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -51,6 +51,9 @@ class FlowErrors:
     outliers: float
     angle_error_rad: float
     num_points: int
+
+
+ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 
 
 def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
