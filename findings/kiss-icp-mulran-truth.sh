@@ -8,10 +8,10 @@
 #          same way, but the direction of travel differs by twice 0.33 degrees, which is 1.17 % of
 #          a straight line. The absolute error is millimetres, as trajectories are aligned before.
 # WHY IT MATTERS
-#          Figures that are given for it on MulRan lie between 2 and 5 %, so a good part of the best
-#          ones is the loader's, and tools with another loader cannot be compared with them.
-#          genz-icp 0.3.2 and map-closures 2.2.0 have the same code. Take inv(B) P B, or compare in
-#          the base frame.
+#          Figures on MulRan are of this size (3.9 % for Riverside01 in its pull request 427), so a
+#          part of each is the loader's, improvements below 1 % cannot be seen, and tools with
+#          another loader cannot be compared. genz-icp 0.3.2 and map-closures 2.2.0 have the same
+#          code. Take inv(B) P B, or compare in the base frame.
 # SOURCE   Run below; MulranDataset.load_gt_poses. B from calib_base2ouster.txt of the data set;
 #          that its z is +1.8 m says that it is the lidar on the roof seen from the base.
 # DATE     2026-11-28

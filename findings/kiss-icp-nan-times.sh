@@ -9,10 +9,9 @@
 #          and 0.33 m at the end of the sweep. Without NaN, or if the times are cut as the points
 #          are, deskewing is right.
 # WHY IT MATTERS
-#          Organised clouds of many drivers (is_dense = false) mark missing returns by NaN: sky,
-#          glass and dark cars are a fifth to a half of a sweep. The cloud is torn, the odometry
-#          still runs, and its figures look like those of a bad sensor. Drop NaN before, or write
-#          a loader of your own.
+#          Organised clouds (is_dense = false) mark missing returns by NaN: sky, glass, dark cars.
+#          The cloud is torn, the odometry still runs, and its figures look like those of a bad
+#          sensor. Drop NaN before, or write a loader of your own.
 # SOURCE   Run below; tools/point_cloud2.py of both packages. The same function in rko-lio 0.4.0
 #          keeps the NaN points, with a remark that the times would have to be cut as well.
 # DATE     2026-11-28

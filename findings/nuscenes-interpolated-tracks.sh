@@ -10,9 +10,9 @@
 # WHY IT MATTERS
 #          Ground truth has holes wherever an object has no lidar point, as those boxes are removed
 #          before. A tracker that bridges such a hole rightly is 5 to 20 m off, beyond the limit
-#          of 2 m, and gets misses, false alarms and switches; one that leaves the same hole has
-#          the same wrong boxes and gets hits. AMOTA then rewards not to predict. Fill holes
-#          before evaluating, and distrust small differences.
+#          of 2 m, and gets misses and false alarms; one that leaves the same hole is given the
+#          same wrong boxes, and hits. Fill holes of the results before evaluating, and distrust
+#          small differences.
 # SOURCE   Run below; nuscenes/eval/tracking/loaders.py. Reported as issue 1141 of
 #          nutonomy/nuscenes-devkit in 2025, and in this release all the same.
 # DATE     2026-11-28
