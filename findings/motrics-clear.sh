@@ -6,8 +6,8 @@
 #          then object 1 appears, overlapping only track 0 (0.6), and track 1 overlaps only object
 #          0 (0.6). TrackEval and py-motmetrics 1.4.0 keep object 0 on track 0: one miss, one false
 #          alarm, no switch, MOTA 0.33. motrics moves both: no miss, one switch, MOTA 0.67. IDF1 and
-#          HOTA are the same. Of 200 random sequences with many such overlaps 191 differed, by -0.12 to
-#          0.19 of MOTA.
+#          HOTA are the same. Of 200 random sequences with many such overlaps 191 differed in MOTA,
+#          by -0.12 to 0.19.
 # WHY IT MATTERS
 #          Crowds, convoys and split detections are full of such frames, and the MOTA of a paper
 #          cannot be set beside one of the faster program. Agreement on easy sequences shows

@@ -15,7 +15,7 @@
 #          every string: by a representer, or by default_style='"' if all values are strings.
 # SOURCE   Run below. The parser takes what strtol and strtod take, and y and n as booleans.
 # DATE     2026-11-28
-# Needs Python 3.10 to 3.14. About 60 MB and 20 s.
+# Needs Python 3.11 to 3.14. About 60 MB and 20 s.
 set -euo pipefail
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
