@@ -23,8 +23,9 @@ _STEP_M: Final = 2.5
 _NUM_STEPS: Final = 2
 # Slower, distortion is as small as the noise of registration.
 _MIN_SPEED_M_S: Final = 4.0
-# Evidence is the rise of the logarithm of the share of matched points. The lidar turns if the last
-# comparisons are clear together, none of them alone.
+# Evidence is the logarithm of a ratio of shares of matched points; together, not alone, the last
+# comparisons decide. The sum is above .2 within 24 m for RADIATE and eight of nine simulated
+# lidars that turn, and .15 at most for clouds of one moment: 18 streets with points in four orders.
 _NUM_COMPARED: Final = 5
 _CLEARLY: Final = 0.2
 _MOST: Final = 0.1
@@ -43,8 +44,8 @@ class LidarRotation:
     """Finds out whether the points of a stream without times are in the order of measurement.
 
     It compares static things with those of a sweep 5 m before: with times in the order of the
-    points, as taken in one moment, and with times in the reverse order. Where the last two differ
-    little, as among traffic, the first must be better than both. What is found once holds.
+    points, as taken in one moment, and with times in the reverse order. The first must agree better
+    than both: among traffic, any distortion may agree by chance. What is found once holds.
 
     Attributes:
         is_found: Whether the lidar turns; None while that is looked for.
@@ -128,9 +129,8 @@ class LidarRotation:
 
     def _weigh(self, evidence: float) -> None:
         self._evidence.append(float(np.clip(evidence, -_MOST, _MOST)))
-        if sum(self._evidence[-_NUM_COMPARED:]) > _CLEARLY:
-            self.is_found = True
-        elif len(self._evidence) == _MAX_COMPARED:
-            self.is_found = False
+        last = sum(self._evidence[-_NUM_COMPARED:])
+        if abs(last) > _CLEARLY or len(self._evidence) == _MAX_COMPARED:
+            self.is_found = last > _CLEARLY
         if self.is_found is not None:
             self._views.clear()

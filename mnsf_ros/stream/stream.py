@@ -171,7 +171,8 @@ class Stream:
         self._last, self._prepared_with = triplet, settings
         if self._break is Start.COLD_FRAME:
             self.rotation.forget()
-        is_timed = settings.time.field == "auto" and not self.traits.is_external
+        is_timed = settings.time.field == "auto" and settings.ego_motion.deskew
+        is_timed &= not self.traits.is_external
         if is_timed and self.rotation.is_found:
             levelled = levelled.changed(self.rotation.timed)
         try:
