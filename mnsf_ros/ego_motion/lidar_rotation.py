@@ -33,6 +33,9 @@ _MAX_COMPARED: Final = 20
 _NUM_INTERVALS: Final = 8
 
 
+Located = tuple[Sweep, SensorPose]
+
+
 class _View(NamedTuple):
     """A sweep with times in the order of its points, as taken in one moment, and backwards."""
 
@@ -52,14 +55,13 @@ class LidarRotation:
     """
 
     def __init__(self) -> None:
+        self._intervals_s: deque[float] = deque(maxlen=_NUM_INTERVALS)
         self.forget()
 
     def forget(self) -> None:
-        """Starts anew, as for another lidar."""
+        """Starts anew, as for another lidar. Another thread may still take times."""
         self.is_found: bool | None = None
-        self._last: tuple[Sweep, SensorPose] | None = None
         self._views: deque[_View] = deque(maxlen=1 + _NUM_STEPS)
-        self._intervals_s: deque[float] = deque(maxlen=_NUM_INTERVALS)
         self._evidence: list[float] = []
         self._timed: WeakKeyDictionary[Sweep, Sweep] = WeakKeyDictionary()
 
@@ -72,18 +74,21 @@ class LidarRotation:
             self._timed[sweep] = replace(sweep, times_s=times_s)
         return self._timed[sweep]
 
-    def learn(self, sweep: Sweep, pose: SensorPose, settings: EgoMotionSettings) -> bool:
-        """Takes the next sweep of the stream. Returns whether it shows that the lidar turns."""
-        last, self._last = self._last, (sweep, pose)
-        if self.is_found is not None or sweep.times_s is not None:
+    def forget_places(self) -> None:
+        """Compares with no sweep before, as where a new world begins."""
+        self._views.clear()
+
+    def learn(self, last: Located, newest: Located, settings: EgoMotionSettings) -> bool:
+        """Takes two consecutive sweeps. Returns whether they show that the lidar turns."""
+        (before, before_pose), (sweep, pose) = last, newest
+        interval_s = (sweep.stamp_ns - before.stamp_ns) / NANOSECONDS
+        if self.is_found is not None or sweep.times_s is not None or interval_s <= 0:
             return False
-        is_known = pose.source not in (EgoSource.START, EgoSource.CONSTANT_VELOCITY)
-        if last is None or not is_known or sweep.stamp_ns <= last[0].stamp_ns:
-            self._views.clear()
+        if pose.source is EgoSource.CONSTANT_VELOCITY:
+            self.forget_places()
             return False
-        interval_s = (sweep.stamp_ns - last[0].stamp_ns) / NANOSECONDS
         self._intervals_s.append(interval_s)
-        step = np.linalg.inv(last[1].world_from_sensor) @ pose.world_from_sensor
+        step = np.linalg.inv(before_pose.world_from_sensor) @ pose.world_from_sensor
         motion = SweepMotion.of_step(step, interval_s, 0.0)
         is_fast = np.linalg.norm(motion.velocity[:3]) > _MIN_SPEED_M_S
         if is_fast and self._is_far(pose.world_from_sensor):
@@ -108,7 +113,7 @@ class LidarRotation:
         motion: SweepMotion,
         settings: EgoMotionSettings,
     ) -> None:
-        """Weighs which of both agrees better with the view before."""
+        """Weighs which times agree best with the view two steps before."""
         near = replace(settings, max_range_m=_NEAR_M)
         times_s = times_in_order(sweep.xyz, self._interval_s)
         if times_s is None:
@@ -133,4 +138,4 @@ class LidarRotation:
         if abs(last) > _CLEARLY or len(self._evidence) == _MAX_COMPARED:
             self.is_found = last > _CLEARLY
         if self.is_found is not None:
-            self._views.clear()
+            self.forget_places()

@@ -171,6 +171,8 @@ class Stream:
         self._last, self._prepared_with = triplet, settings
         if self._break is Start.COLD_FRAME:
             self.rotation.forget()
+        elif self._break is not None:
+            self.rotation.forget_places()
         is_timed = settings.time.field == "auto" and settings.ego_motion.deskew
         is_timed &= not self.traits.is_external
         if is_timed and self.rotation.is_found:
@@ -182,8 +184,8 @@ class Stream:
             if isinstance(self._estimator, PreparingEstimator):
                 content = self._estimator.prepare(levelled)
                 if is_timed and isinstance(content, PreparedSweeps):
-                    newest = content.of_triplet[-1]
-                    if self.rotation.learn(newest.input, newest.pose, settings.ego_motion):
+                    last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
+                    if self.rotation.learn(last, newest, settings.ego_motion):
                         self._break = Start.COLD_TIMES
         except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
             failure = error

@@ -2,6 +2,7 @@
 """Whether a lidar turns is seen without times of points, where it passes things."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -29,9 +30,10 @@ def drive(speed_m_s, *, is_corrected=False, is_reversed=False):
 def rotation(speed_m_s, **how):
     """What the sweeps show without their times."""
     found = LidarRotation()
-    for sweep, at in drive(speed_m_s, **how):
+    sweeps = [(replace(sweep, times_s=None), at) for sweep, at in drive(speed_m_s, **how)]
+    for last, newest in pairwise(sweeps):
         was_found = bool(found.is_found)
-        is_news = found.learn(replace(sweep, times_s=None), at, Settings().ego_motion)
+        is_news = found.learn(last, newest, Settings().ego_motion)
         assert is_news == (bool(found.is_found) and not was_found)
     return found
 
