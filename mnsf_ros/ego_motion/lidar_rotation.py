@@ -32,8 +32,7 @@ _MOST: Final = 0.1
 _MAX_COMPARED: Final = 20
 _NUM_INTERVALS: Final = 8
 
-
-Located = tuple[Sweep, SensorPose]
+PosedSweep = tuple[Sweep, SensorPose]
 
 
 class _View(NamedTuple):
@@ -56,6 +55,7 @@ class LidarRotation:
 
     def __init__(self) -> None:
         self._intervals_s: deque[float] = deque(maxlen=_NUM_INTERVALS)
+        self._timed: WeakKeyDictionary[Sweep, Sweep] = WeakKeyDictionary()
         self.forget()
 
     def forget(self) -> None:
@@ -63,7 +63,6 @@ class LidarRotation:
         self.is_found: bool | None = None
         self._views: deque[_View] = deque(maxlen=1 + _NUM_STEPS)
         self._evidence: list[float] = []
-        self._timed: WeakKeyDictionary[Sweep, Sweep] = WeakKeyDictionary()
 
     def timed(self, sweep: Sweep) -> Sweep:
         """Returns the sweep with times, if it has none. Always the same object."""
@@ -78,7 +77,7 @@ class LidarRotation:
         """Compares with no sweep before, as where a new world begins."""
         self._views.clear()
 
-    def learn(self, last: Located, newest: Located, settings: EgoMotionSettings) -> bool:
+    def learn(self, last: PosedSweep, newest: PosedSweep, settings: EgoMotionSettings) -> bool:
         """Takes two consecutive sweeps. Returns whether they show that the lidar turns."""
         (before, before_pose), (sweep, pose) = last, newest
         interval_s = (sweep.stamp_ns - before.stamp_ns) / NANOSECONDS
