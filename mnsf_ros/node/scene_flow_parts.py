@@ -56,7 +56,7 @@ class SceneFlowParts:
             if not node.context.ok():
                 raise
             raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
-        self._input_check = InputCheck(parameters.settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(parameters.settings)
         name = node.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(name, faults, lambda: self._input.silence)
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -78,7 +78,7 @@ class SceneFlowParts:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
-        self._input_check = InputCheck(self._settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(self._settings)
 
     def close(self, timeout_s: float) -> None:
         """Abandons the estimate under way, and waits for that as long as the timeout."""
@@ -93,6 +93,9 @@ class SceneFlowParts:
     @property
     def _settings(self) -> Settings:
         return self._parameters.settings
+
+    def _new_input_check(self, settings: Settings) -> InputCheck:
+        return InputCheck(settings, self._pipeline.mounting, self._pipeline.rotation)
 
     def _join_topics(self, pause: str) -> None:
         """Makes the way of a sweep from its end to its start, so that each part has its next."""
@@ -208,4 +211,4 @@ class SceneFlowParts:
         except SettingsError:
             self._pipeline.change_settings(self._settings)
             raise
-        self._input_check = InputCheck(settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(settings)
