@@ -81,7 +81,7 @@ class Arguments:
     def declared(self, group: type, *names: str, **defaults: object) -> None:
         """Adds an option for each declared field of a dataclass; `chosen` returns the result.
 
-        With `names` only these, in this order; `defaults` replace those of the dataclass.
+        With `names` only these, in this order; `defaults` replace the declared ones.
         """
         known = {one.name: one for one in settings_of(group)}
         for setting in [known[name] for name in names or known]:

@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
     Exit status 0: done; 2: an argument or file cannot be used, reported in one line; 3: memory
-    limit; 130: interrupted; others are those of subcommands.
+    limit; 130: interrupted; others depend on the subcommand.
     """
     # What nohup ignores stays so.
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]

@@ -79,7 +79,7 @@ class TruthTrack:
     """Matches truth clouds to sweeps, both in stamp order; holds one cloud at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
-        """Begins before the first cloud; `name` is that of the recording in texts on damage."""
+        """Begins before the first cloud; texts on damage have the name of the recording."""
         self._clouds = iter(clouds)
         self._findings = findings
         self._name = name
@@ -123,7 +123,7 @@ def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a 
 
 
 def _is_near(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.bool_]:
-    """Whether each position (N, 3) is the same as that of the point in the same row of a sweep."""
+    """Whether each position (N, 3) equals the point in the same row of a sweep."""
     with np.errstate(all="ignore"):
         near = np.isclose(positions, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
     return np.asarray(near.all(axis=1))

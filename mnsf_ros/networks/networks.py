@@ -27,7 +27,7 @@ class Perceptron(nn.Module):
 
     Hidden layers are each followed by a ReLU, the output layer is not; the "8-layer" network of
     the paper has 8 hidden layers and 9 linear ones. Weights start uniformly after Xavier, from a
-    generator on the CPU, biases at zero. `precision` is that of the products between hidden layers.
+    generator on the CPU, biases at zero. Products between hidden layers have the `precision`.
     """
 
     def __init__(

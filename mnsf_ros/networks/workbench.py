@@ -233,7 +233,7 @@ class Workbench:
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
         """Makes the result of the flow at the positions, (P, 3) metres from t to t+1.
 
-        `distance_kind`: `grid`, `bricks` or `tree`, if other than that of `next.distance`.
+        `distance_kind` is `grid`, `bricks` or `tree`, by default as of `next.distance`.
         """
         return FlowEstimate(
             flow=self.current.whole(flow),

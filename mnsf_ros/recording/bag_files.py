@@ -38,7 +38,7 @@ def stored_files(path: Path) -> list[Path]:
 
 
 def kind_of(file: Path) -> str:
-    """Returns the suffix of the format of a file, without that of compression."""
+    """Returns the suffix of a file, without the suffix of compression."""
     return (file.with_suffix("") if file.suffix == COMPRESSED else file).suffix
 
 

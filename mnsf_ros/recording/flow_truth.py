@@ -18,6 +18,7 @@ from msg_utils.stamps import decode_stamp
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
 _OBJECT = "object_id"
+_ARRAYS = ("flow", *_FLAGS, _OBJECT)
 _SCALARS = (*"xyz", *_FLOW, *_FLAGS, _OBJECT)
 # The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
 DYNAMIC_SPEED_M_S = 0.5
@@ -73,15 +74,13 @@ class FlowTruth:
 
     def of_points(self, rows: NDArray[np.int64]) -> "FlowTruth":
         """Returns the truth of the points in these rows."""
-        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
-        known = {name: getattr(self, name) for name in names}
+        known = {name: getattr(self, name) for name in _ARRAYS}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
     @classmethod
     def joined(cls, parts: Sequence["FlowTruth"]) -> "FlowTruth":
         """Returns the truth of the points of all parts, with the stamp of the first."""
-        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
-        columns = {name: [getattr(part, name) for part in parts] for name in names}
+        columns = {name: [getattr(part, name) for part in parts] for name in _ARRAYS}
         if any(column is None for column in columns[_OBJECT]):
             del columns[_OBJECT]
         return cls(parts[0].stamp_ns, **{k: np.concatenate(each) for k, each in columns.items()})
@@ -147,16 +146,9 @@ class FlowTruth:
 
 @dataclass(frozen=True, eq=False)
 class TrueSweep:
-    """A sweep with its truth, as a recording holds it.
+    """A sweep with its truth, as in a recording."""
 
-    Attributes:
-        xyz: (N, 3) float32 metres, in the frame of the sensor.
-        truth: True flow, row for row; its stamp is that of the sweep.
-        columns: Further columns of the cloud: name to (N,).
-        pose: (4, 4) world_from_sensor at the stamp; None if unknown.
-    """
-
-    xyz: NDArray[np.float32]
-    truth: FlowTruth
-    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    pose: NDArray[np.floating[Any]] | None = None
+    xyz: NDArray[np.float32]  # (N, 3) metres, sensor frame
+    truth: FlowTruth  # row for row; its stamp is that of the sweep
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # further ones, (N,) each
+    pose: NDArray[np.floating[Any]] | None = None  # (4, 4) world_from_sensor at the stamp

@@ -19,15 +19,10 @@ _TINY = 1e-9
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays in the lidar frame: C azimuth columns of B beams, angles in radians.
+    """Rays in the lidar frame: C azimuth columns of B beams, angles in radians."""
 
-    Attributes:
-        azimuth: (C,) increasing; it may go beyond pi.
-        elevations: (1, B) increasing, the same in all columns, or (C, 1).
-    """
-
-    azimuth: FloatArray
-    elevations: FloatArray
+    azimuth: FloatArray  # (C,) increasing, also beyond pi
+    elevations: FloatArray  # (1, B) increasing, the same in all columns, or (C, 1)
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray]:

@@ -194,7 +194,7 @@ class Clearance:
         return True
 
     def _near(self, track: _Track) -> Iterator[_Track]:
-        """Yields the tracks whose bounding box meets that of a track."""
+        """Yields the tracks whose bounding box overlaps with the box of a track."""
         low = np.array([other.low for other in self._tracks]).reshape(-1, 2)
         high = np.array([other.high for other in self._tracks]).reshape(-1, 2)
         for number in np.flatnonzero(((low <= track.high) & (track.low <= high)).all(axis=1)):

@@ -29,7 +29,7 @@ class Kind:
     """Traffic of one kind: its share, models, speeds, and where it goes.
 
     Of several models each follows `behind_m` behind the one before, `beside_m` left of it.
-    Without a `name` it has those of its models.
+    The default `name` is made of the names of its models.
     """
 
     share: float

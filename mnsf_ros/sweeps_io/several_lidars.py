@@ -37,15 +37,10 @@ class ArrivedSweep:
 
 @dataclass(frozen=True, eq=False)
 class LidarGroup:
-    """Sweeps of one revolution.
+    """Sweeps of one revolution, by the number of the lidar, from 0."""
 
-    Attributes:
-        sweeps: Number of a lidar, from 0, to its sweep, the reference first.
-        clocks_ahead_s: Number of a lidar whose clock differs to the seconds that it is ahead.
-    """
-
-    sweeps: dict[int, ArrivedSweep]
-    clocks_ahead_s: dict[int, float]
+    sweeps: dict[int, ArrivedSweep]  # the reference first
+    clocks_ahead_s: dict[int, float]  # of lidars whose clock differs
 
     @property
     def reference(self) -> ArrivedSweep:
@@ -130,7 +125,7 @@ class LidarGroups:
         return [index for index in range(len(self._queues)) if index not in self._silent]
 
     def _agreeing(self, settings: LidarsSettings) -> list[int]:
-        """The largest set of working lidars with one clock; of equal ones that of before."""
+        """The largest set of working lidars with one clock; of equal ones the last choice."""
         near_ns = (settings.tolerance_s + settings.max_wait_s) * NANOSECONDS
         working = self._working
         sets = [[j for j in working if self._agree(i, j, near_ns)] for i in working]
