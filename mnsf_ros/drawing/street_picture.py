@@ -50,16 +50,10 @@ def frame(
     full_speed_m_s: float,
     errors_m: NDArray[np.floating[Any]] | None = None,
 ) -> bytes:
-    """Draws a sweep once for each of several velocities, and its errors from above, side by side.
+    """Returns a PNG file of a sweep, once for each velocity, and its errors from above.
 
-    Args:
-        xyz: (N, 3) metres, sensor frame, x forward.
-        velocities: Each (N, 3) m/s over ground; static points are grey.
-        full_speed_m_s: Speed of the full colour.
-        errors_m: (N,) metres, NaN where unknown; None: not drawn.
-
-    Returns:
-        A PNG file.
+    Points (N, 3) are metres in the sensor frame, x forward; velocities (N, 3) m/s over ground, of
+    full colour from a speed on; errors (N,) NaN where unknown.
     """
     above = [] if errors_m is None else [_from_above(xyz, errors_m)]
     width = len(velocities) * (_WIDTH_PX + _GAP_PX) - _GAP_PX

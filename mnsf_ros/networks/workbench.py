@@ -84,24 +84,12 @@ class PreparedSweep:
 
 
 class Workbench:
-    """One estimate under way, for any method. Make it, fit networks, then `finish`.
+    """One estimate under way, for any method. Make it, fit networks, then `finish`."""
 
-    Attributes:
-        settings: All settings.
-        device: Device of the networks and the points.
-        generator: The only source of randomness, on the CPU.
-        triplet: The sweeps before their preparation.
-        current: The sweep at t, whose flow is estimated.
-        next: The sweep at t+1.
-        before: The sweeps at t-1, t-2 ...
-        points: (M, 3) metres, points of the current sweep for fits.
-        fits: Stage to result of its optimization.
-    """
-
-    current: PreparedSweep
-    next: PreparedSweep
-    before: list[PreparedSweep]
-    points: torch.Tensor
+    current: PreparedSweep  # at t, whose flow is estimated
+    next: PreparedSweep  # at t+1
+    before: list[PreparedSweep]  # at t-1, t-2 ...
+    points: torch.Tensor  # (M, 3) metres, of the current sweep, for fits
 
     def __init__(
         self,
@@ -124,7 +112,7 @@ class Workbench:
         self.device = device = compute_device(settings.compute)
         self._cancelled = cancelled
         self._precision = ""
-        self.fits: dict[str, OptimizationResult] = {}
+        self.fits: dict[str, OptimizationResult] = {}  # by stage
         is_on_gpu = device.type == "cuda"
         self._clock = StageClock(finish=torch.cuda.synchronize if is_on_gpu else lambda: None)
         # A generator of its own: the same triplet gives the same flow whatever came before.

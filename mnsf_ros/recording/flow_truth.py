@@ -48,25 +48,17 @@ class SurfaceClass(IntEnum):
 class FlowTruth:
     """True flow of the N points of one sweep, row i for point i of its cloud.
 
-    Attributes:
-        stamp_ns: Header stamp of the sweep in nanoseconds.
-        flow: (N, 3) float32 metres from a point to the position of its surface in the next sweep,
-            in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
-        valid: (N,) bool, the flow of the point is known.
-        dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
-        ground: (N,) bool, the point is on the ground.
-        class_id: (N,) uint8 kind of surface, 0 if unknown.
-        object_id: (N,) uint32 number of the object, the same in all sweeps, 0 for points of none.
-            None if unknown.
+    Flow leads from a point to the position of its surface in the next sweep, in the next sweep's
+    sensor frame: ego motion is part of it.
     """
 
-    stamp_ns: int
-    flow: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    dynamic: NDArray[np.bool_]
-    ground: NDArray[np.bool_]
-    class_id: NDArray[np.uint8]
-    object_id: NDArray[np.uint32] | None = None
+    stamp_ns: int  # of the header of the sweep
+    flow: NDArray[np.float32]  # (N, 3) metres; NaN if not valid
+    valid: NDArray[np.bool_]  # (N,) the flow of the point is known
+    dynamic: NDArray[np.bool_]  # (N,) the surface itself moves, faster than DYNAMIC_SPEED_M_S
+    ground: NDArray[np.bool_]  # (N,) the point is on the ground
+    class_id: NDArray[np.uint8]  # (N,) `SurfaceClass`, 0 if unknown
+    object_id: NDArray[np.uint32] | None = None  # (N,) the same in all sweeps, 0 for no object
 
     def __len__(self) -> int:
         """Returns the number of points."""

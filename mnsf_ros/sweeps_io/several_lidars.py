@@ -181,12 +181,8 @@ def merged_sweep(
     Fields of its cloud: x, y, z, `intensity` if all lidars have it, `time` (seconds after the
     stamp) unless all points have the same time, and `lidar`, counted from 1.
 
-    Args:
-        sweeps: Number of the lidar, from 0, to its sweep, whose `source` is a CloudSource.
-        frame_from_lidar: Number of the lidar to its pose (4, 4) in the common frame.
-        stamp_ns: Stamp of the merged sweep.
-        header: Header of its cloud, with the name of the common frame.
-        mounting: Of the merged cloud.
+    Sweeps, each with a CloudSource, and poses (4, 4) in the common frame are by the number of the
+    lidar, from 0. Stamp, header and mounting are for the merged sweep.
     """
     xyz = np.concatenate(
         [
