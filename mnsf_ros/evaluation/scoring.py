@@ -81,7 +81,7 @@ class ResultRow:
 
 # Static points determine the ego motion if there are this many, with a second largest standard
 # deviation of this much: not if they are close together or collinear.
-_MIN_STANDING = 20
+_MIN_STATIC = 20
 _MIN_SPREAD_M = 1.0
 # Ego motion is fitted to this many parts of a sweep, by the times of their points.
 _NUM_TIMES = 12
@@ -167,7 +167,7 @@ def _of_one_time(
     times_s: NDArray[np.float32] | None, number: int
 ) -> list[slice] | list[NDArray[np.int64]]:
     """Returns parts of a sweep by time, as ego motion changes in a bend; one without times."""
-    if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
+    if times_s is None or number < _NUM_TIMES * _MIN_STATIC:
         return [slice(None)]
     return np.array_split(np.argsort(times_s, kind="stable"), _NUM_TIMES)
 
@@ -179,14 +179,14 @@ def _sensor_motion(
     odometry: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """(4, 4) next_from_current, from the true flow of static points: odometry may be worse."""
-    standing = xyz[~dynamic]
-    if odometry is not None and not _fix_a_motion(standing):
+    static = xyz[~dynamic]
+    if odometry is not None and not _fix_a_motion(static):
         return odometry
-    return fit_rigid_motion(standing, true_flow[~dynamic])
+    return fit_rigid_motion(static, true_flow[~dynamic])
 
 
 def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
-    if len(xyz) < _MIN_STANDING:
+    if len(xyz) < _MIN_STATIC:
         return False
     variances = np.linalg.eigvalsh(np.cov(xyz.astype(np.float64).T))
     return bool(variances[1] >= _MIN_SPREAD_M**2)
