@@ -163,7 +163,7 @@ def existing_path(text: str) -> Path:
     """Returns the path of a file or folder.
 
     Raises:
-        RecordingError: There is none.
+        RecordingError: It does not exist.
     """
     if not (path := Path(text)).exists():
         raise RecordingError(f"{text}: no such file or folder")

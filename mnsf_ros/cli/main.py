@@ -104,7 +104,7 @@ def run(arguments: list[str] | None = None) -> int:
         if not isinstance(error, (MnsfError, OSError)):
             raise
         if isinstance(error, BrokenPipeError):
-            # Whoever read the output has enough, as `head` does. What is left goes nowhere.
+            # The reader of the output has ended, such as `head`: the rest is discarded.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
         complain(error)

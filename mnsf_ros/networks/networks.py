@@ -13,8 +13,8 @@ from torch.nn import functional
 
 from mnsf_ros.settings import FieldSettings, FusionSettings
 
-# Encoded positions: the shortest wavelength, of which a quarter is the width of a pedestrian, and
-# the unit of what is not encoded, for inputs of about 1.
+# Encoded positions: the shortest wavelength, four times the width of a pedestrian, and the unit of
+# x, y and z, for inputs of about 1.
 _SHORTEST_M = 2.0
 _UNIT_M = 10.0
 

@@ -139,7 +139,7 @@ class Workbench:
         return field.to(self.device)
 
     def fresh_fusion(self, num_flows: int = 2) -> nn.Module:
-        """A fresh fusion of so many flows, of the kind in the settings."""
+        """A fresh fusion of flows, of the kind in the settings."""
         precision = layer_precision(self.settings.compute)
         fusion = fusion_network(self.settings.fusion, self.generator, num_flows, precision)
         return fusion.to(self.device)

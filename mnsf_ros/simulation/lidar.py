@@ -67,9 +67,8 @@ class ShapeTable:
     ) -> tuple[FloatArray, NDArray[np.int32]]:
         """Returns (C, B) ranges to the first shape of each ray and (C, B) numbers of the shapes.
 
-        They are `inf` metres and -1 where nothing is met. Rays go through what is nearer than the
-        first limit; shapes entirely beyond the second are skipped. `lidar_from_body` is
-        (bodies, 4, 4).
+        They are `inf` metres and -1 without a hit. Rays pass through shapes nearer than the first
+        limit; shapes entirely beyond the second are skipped. `lidar_from_body` is (bodies, 4, 4).
         """
         min_range_m, max_range_m = limits_m
         ranges = np.full(rays.shape, np.inf)
@@ -86,7 +85,7 @@ class ShapeTable:
             columns = np.flatnonzero(off <= reaches[k] + _TINY)
             window = (columns, self._beams(int(k), poses[k], rays))
             block = ranges[window]
-            # Shapes come nearest first, so most of what is far is already hidden.
+            # Shapes come nearest first, so most far ones are hidden already.
             if block.size == 0 or block.max() <= nearest[k]:
                 continue
             entry = self._entry(int(k), poses[k], rays, window)

@@ -17,7 +17,7 @@ from mnsf_ros.simulation.settings import SimulationSettings, drawn
 _LIDARS: Final = {"16": 0.2, "32": 0.2, "64": 0.2, "128": 0.2, "raster": 0.1, "rosette": 0.1}
 _COLUMNS: Final = {900: 0.3, 1024: 0.3, 1800: 0.4}
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
-# The points of a rolling sweep are measured in so many moments, of a whole turn every 7 degrees.
+# A rolling sweep has this many moments of measurement: every 7 degrees of a whole turn.
 _NUM_MOMENTS: Final = 50
 # Each moment of a rosette sees the whole view, which takes longer to cast.
 _ROSETTE_MOMENTS: Final = 10
@@ -57,7 +57,7 @@ class Sensor:
     def sweep_times(
         self, number: int, rng: np.random.Generator
     ) -> tuple[NDArray[np.intp], FloatArray]:
-        """Returns the turns (T,), of so many, that give a sweep, and their times in seconds."""
+        """Returns which of `number` turns give a sweep (T,), and their times in seconds."""
         is_missing, off = rng.uniform(size=(number, 2)).T
         times_s = (np.arange(number) + self.jitter * (2 * off - 1)) * (1.0 / self.rate_hz)
         turns = np.flatnonzero(is_missing >= self.missing)

@@ -107,7 +107,7 @@ class SweepSimulator:
     def _measured(
         self, rays: Rays, time_s: float, next_s: float, rng: np.random.Generator
     ) -> dict[str, NDArray[Any]]:
-        """Returns what is measured at one time, with its truth, by the names of the arrays."""
+        """Returns the points measured at one time, their columns and truth, by name."""
         sensor = self.scene.sensor
         world_from_sensor = self.scene.ego.world_from_sensor(time_s)
         ranges, shape, class_id = self._first_hits(rays, time_s, world_from_sensor)

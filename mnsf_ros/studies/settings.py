@@ -38,7 +38,7 @@ class CaseStudySettings:
     repeats: int = declared(5, "stability: random draws for each number of points", 1, 10_000)
     methods: str = declared("nsfp,fnsf,mnsf", "stability: methods to compare")
     warm_steps: str = declared(
-        "2,5,10", "warm-start: steps per sweep of networks that go on, in ascending order"
+        "2,5,10", "warm-start: steps per sweep of warm-started networks, in ascending order"
     )
     cold_steps: str = declared(
         "10,40", "warm-start: steps of networks from scratch, in ascending order"

@@ -87,7 +87,7 @@ def changes(
     tree = cKDTree(triplet.next.kept_xyz)
     for size, repeat in product(sizes, range(options.case.repeats)):
         random = np.random.default_rng([options.evaluation.seed, size, repeat])
-        # So many rows of each sweep, and one more.
+        # `size` rows of each sweep, and one more.
         drawn = {
             name: random.choice(len(sweep), size + 1, replace=False)
             for name, sweep in sweeps.items()
