@@ -140,9 +140,9 @@ class ExampleBuilder:
     def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
         if self._truth is None:
             return None
-        truth, passed_over = self._truth.take(sweep)
-        self._findings.count(Event.TRUTH_WITHOUT_SWEEP, passed_over)
-        if passed_over and len(self._buffer) and self._newest[1] is not None:
+        truth, num_skipped = self._truth.take(sweep)
+        self._findings.count(Event.TRUTH_WITHOUT_SWEEP, num_skipped)
+        if num_skipped and len(self._buffer) and self._newest[1] is not None:
             # The truth of the last sweep leads to a sweep that is missing.
             self._interrupt()
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
