@@ -80,7 +80,7 @@ class PreparedSweep:
     @cached_property
     def distance(self) -> TargetDistance:
         """D(p, S) with this sweep as the target S."""
-        return TargetDistance.to_points(self.points, self._settings)
+        return TargetDistance(self.points, self._settings)
 
 
 class Workbench:
