@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
-from mnsf_ros.node.diagnostics import Diagnostics
+from mnsf_ros.node.diagnostics import REASONS, Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
@@ -22,7 +22,7 @@ from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.pipeline import StreamPipeline, StreamStatistics, TripletJob
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 _REFRESH_PERIOD_S = 0.2
@@ -146,10 +146,10 @@ class SceneFlowParts:
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_wanted)
         self._tell_mounting(sweep.frame_id)
         if arrival is not Arrival.ACCEPTED:
-            words = arrival.value.replace("_", " ")
             # A recording that is played in a loop has gaps, too.
             tell = self._faults.inform if arrival is Arrival.GAP else self._faults.warn
-            tell(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+            cause, stamp_s = REASONS[f"sweeps_{arrival.value}"], sweep.stamp_ns / NANOSECONDS
+            tell(arrival.value, f"{cause}, at the stamp {stamp_s:.3f}")
         self._input_check.add(sweep, self._input.num_parts)
 
     def _tell_mounting(self, frame_id: str) -> None:
