@@ -4,8 +4,8 @@
 #          from it and as all versions before did: the square 54SUE begins at (300 km, 3900 km).
 # SEEN     1.6.0 returns the centre: (350 km, 3950 km), and its latitude and longitude. With all
 #          digits it is half a metre in each direction. 1.5.4 returns the corner. UTMToMGRS and
-#          toMGRS truncate in both, so one trip to MGRS and back moves a point by up to 0.7 m, now
-#          to either side.
+#          toMGRS truncate in both: to MGRS and back, a point moves by up to 1.4 m south-west in
+#          1.5.4, and by up to 0.7 m to any side in 1.6.0.
 # WHY IT MATTERS
 #          Maps of Autoware are stored in metres from the corner of their square of 100 km, and the
 #          name of the square stands beside them. Whoever adds the corner, found with this

@@ -36,7 +36,7 @@ PYTHONPATH="$dir/site" python3 -s - <<'EOF'
 import logging
 import sys
 from importlib.metadata import version
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 # Files, tables and map projections are not used here.
 for name in ("pandas", "pyproj", "pyproj.enums", "pyproj.transformer", "rosbags",
@@ -103,7 +103,8 @@ for name, mounting, left in (
     ("axes of a camera", Rotation.from_euler("xyz", [-90, 0, -90], degrees=True), 100),
 ):
     own = np.rad2deg(mounting.magnitude())
-    _, degrees = largest(tp.ate(drive(mounting=mounting), drive(), estimating(sensor_rotation=True)))
+    settings = estimating(sensor_rotation=True)
+    _, degrees = largest(tp.ate(drive(mounting=mounting), drive(), settings))
     print(f"{name} ({own:.1f} degrees), sensor rotation estimated: {degrees:.1f} degrees are left")
     assert degrees > left, "the rotation of the sensor is found now"
 
