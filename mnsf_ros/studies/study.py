@@ -11,7 +11,7 @@ import pandas as pd
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import chosen_recordings
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import session_now
 from mnsf_ros.evaluation.tracks import Findings
@@ -28,7 +28,7 @@ class StudyOptions:
         out: Folder for all files of the study.
         evaluation: How to estimate, and which examples; `landscape` and `stability` use the first
             one alone. Its seed is also that of all other draws.
-        recordings: Paths of recordings.
+        recordings: They get what of them is damaged.
         resume: Whether to continue with the files in the folder.
         command: The command line, for the record.
         say: Gets one line for each step.
@@ -37,7 +37,7 @@ class StudyOptions:
 
     out: Path
     evaluation: EvaluationOptions
-    recordings: Sequence[Path]
+    recordings: Sequence[EvaluatedRecording]
     resume: bool = False
     command: tuple[str, ...] = ()
     say: Callable[[str], None] = lambda text: None
@@ -49,7 +49,7 @@ class StudyOptions:
         Raises:
             MnsfError: A recording cannot be used, or there is no example.
         """
-        for recording in chosen_recordings(self.recordings):
+        for recording in self.recordings:
             for example in read_examples(recording, self.evaluation, Findings()):
                 return example
         raise RecordingError("the recordings hold no three sweeps in a row")
@@ -91,7 +91,7 @@ def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
     facts = {
         "seed": str(result.evaluation.seed),
         "points of a sweep": str(result.evaluation.num_points or "all"),
-        "recordings": ", ".join(map(str, options.recordings)),
+        "recordings": ", ".join(one.path for one in options.recordings),
     }
     settings = result.evaluation.settings.to_mapping().items()
     lines = [f"| {setting} | {value} |" for setting, value in settings]
