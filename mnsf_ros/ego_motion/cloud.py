@@ -52,6 +52,11 @@ class Cloud:
         """(S, 3) metres, the points that are not near the ground."""
         return self.points[: self.num_standing]
 
+    @property
+    def upper(self) -> "Cloud":
+        """The cloud without the points near the ground."""
+        return Cloud(self.standing, self.num_standing)
+
     def __len__(self) -> int:
         return len(self.points)
 

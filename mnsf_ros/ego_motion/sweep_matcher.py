@@ -109,6 +109,11 @@ class SweepMatcher:
                 return found
         return self._searched(cloud)
 
+    def share_matched(self, cloud: Cloud, expected: NDArray[np.float64]) -> float:
+        """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
+        _, there = self._aligned(cloud.points, expected)
+        return there.support / max(len(cloud), 1)
+
     def _near(
         self, points: NDArray[np.float32], expected: Placed
     ) -> tuple[NDArray[np.float64], Comparison]:

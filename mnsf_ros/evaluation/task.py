@@ -65,9 +65,9 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
         MnsfError: The recording cannot be opened, or there is no such method.
     """
     recording, num_rows = task.recording, len(task.skipped)
-    findings = Findings()
-    findings.input_check = check = InputCheck(options.settings, findings.mounting, is_thorough=True)
-    stream = Stream(options.settings, task.method.name)
+    findings, stream = Findings(), Stream(options.settings, task.method.name)
+    check = InputCheck(options.settings, findings.mounting, stream.rotation)
+    findings.input_check = check
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
     painter = Painter(options.pictures, is_animated=not stream.traits.is_reference)
