@@ -58,8 +58,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, then pictures for a report, and at the very end a
-        FinishedTask.
+        A row for each example at once, then pictures for a report, and at last a FinishedTask.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
