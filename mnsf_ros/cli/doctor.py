@@ -66,10 +66,10 @@ def run_doctor(options: argparse.Namespace) -> int:
 
 
 def _is_topic(source: str) -> bool:
-    """Whether a source may be a topic: what is missing in a folder that exists is none."""
-    path = Path(source)
-    is_in_folder = path.parent.is_dir() and path.parent != Path("/")
-    return bool(_TOPIC.fullmatch(source)) and not path.exists() and not is_in_folder
+    """Whether a source may be a topic: what is there is none, nor what begins with a folder."""
+    if not _TOPIC.fullmatch(source) or Path(source).exists():
+        return False
+    return source.count("/") == 1 or not Path("/", source.split("/")[1]).is_dir()
 
 
 def _recording(source: str) -> Path:
@@ -81,6 +81,8 @@ def _recording(source: str) -> Path:
 def _examined_topic(
     topic: str, odometry: str | None, settings: Settings, duration_s: float
 ) -> "Examination":
+    console = Console(stderr=True)
+    console.say(f"{topic}: no such file or folder, so it is taken for a topic")
     from mnsf_ros.node.environment import prepare_environment
 
     prepare_environment(is_node=True)
@@ -94,7 +96,7 @@ def _examined_topic(
     def report(_event: str, text: str, times: int = 1) -> None:
         events[text] += times
 
-    with counting_progress(Console(stderr=True)) as progress:
+    with counting_progress(console) as progress:
         task = progress.add_task(f"listening to {topic}", total=None)
         for sweep, num_parts in live_sweeps(topic, odometry, settings, duration_s, report):
             examiner.check.add(sweep, num_parts)

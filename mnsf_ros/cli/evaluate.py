@@ -2,12 +2,14 @@
 """`mnsf evaluate`: scores methods on recordings; `mnsf report`: the HTML report from its rows."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.arguments import RESUME, Arguments
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 
 DEFAULT_METHODS: Final = ("online", "mnsf")
 EXIT_INCOMPLETE: Final = 5
@@ -83,6 +85,14 @@ def run_evaluate(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate
 
     return evaluate(options)
+
+
+def status_of(recordings: Iterable[EvaluatedRecording]) -> int:
+    """Warns of the damage that was met in recordings; returns the exit status of a command."""
+    damages = [damage for recording in recordings for damage in recording.damages]
+    for damage in damages:
+        Console(stderr=True).warn(damage)
+    return EXIT_INCOMPLETE if damages else 0
 
 
 def add_report(arguments: Arguments) -> None:

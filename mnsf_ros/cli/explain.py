@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.evaluate import status_of
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
 
@@ -17,6 +18,8 @@ _MAX_STAMP_S = 2**32
 _EPILOG = """\
 Example:
   mnsf explain street --stamp 1716451202.7 --at 10.7,29 --picture place.png
+
+Exit status: 0: done; 5: the recording is damaged, its readable part was used.
 
 The report of an evaluation lists the worst missed movers with stamp and place.
 """
@@ -52,8 +55,8 @@ def _place(text: str) -> tuple[float, float]:
     raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres")
 
 
-def run_explain(options: argparse.Namespace) -> None:
-    """Prints the decision."""
+def run_explain(options: argparse.Namespace) -> int:
+    """Prints the decision; returns the exit status."""
     from mnsf_ros.report.explanation import explain
     from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -68,3 +71,4 @@ def run_explain(options: argparse.Namespace) -> None:
         console.warn(f"{options.picture}: not written, there is no object at this place")
     elif picture and options.picture:
         Path(options.picture).write_bytes(picture)
+    return status_of([recording])

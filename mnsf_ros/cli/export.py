@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.cli.evaluate import status_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, chosen_recordings
@@ -28,6 +29,8 @@ formats:
                  argoverse2 makes them.
 
 Points without an estimate have the flow of static points.
+
+Exit status: 0: complete; 5: a recording is damaged, its readable part was exported.
 
 Examples:
   mnsf export opensceneflow street --out flows
@@ -53,8 +56,8 @@ def add_export(arguments: Arguments) -> str:
     return _EPILOG
 
 
-def run_export(options: argparse.Namespace) -> None:
-    """Writes the estimates."""
+def run_export(options: argparse.Namespace) -> int:
+    """Writes the estimates; returns the exit status."""
     recordings = chosen_recordings(options.bags, options.points, options.odometry)
     for recording in recordings:
         if "/" in recording.name:
@@ -62,6 +65,7 @@ def run_export(options: argparse.Namespace) -> None:
                 f"{recording.name}: has the name of another recording; export them apart"
             )
     _FORMATS[options.format](options, recordings, EvaluationOptions(chosen_settings(options)))
+    return status_of(recordings)
 
 
 def _export_open_scene_flow(

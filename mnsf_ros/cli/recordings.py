@@ -9,6 +9,7 @@ from typing import Final
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen, number_within
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.cli.evaluate import EXIT_INCOMPLETE
 from mnsf_ros.datasets.formats import FORMATS, TruthSettings
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.recording.bag_files import check_target
@@ -108,8 +109,8 @@ def add_play(arguments: Arguments) -> None:
     arguments.flag("--wait", "start when somebody listens to a cloud of the recording")
 
 
-def run_play(options: argparse.Namespace) -> None:
-    """Publishes a recording."""
+def run_play(options: argparse.Namespace) -> int:
+    """Publishes a recording; returns the exit status."""
     prepare_environment()
     from mnsf_ros.node.play import play
 
@@ -137,3 +138,4 @@ def run_play(options: argparse.Namespace) -> None:
                 clock=options.clock,
                 wait=options.wait,
             )
+        return EXIT_INCOMPLETE if reader.damages else 0

@@ -7,10 +7,19 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.evaluate import status_of
 from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.studies.settings import STUDIES, CaseStudySettings
 
-_EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, (_, text) in STUDIES.items())
+_EPILOG = "\n".join(
+    [
+        "Studies:",
+        *(f"  {name:<10} {text}" for name, (_, text) in STUDIES.items()),
+        "",
+        "Exit status: 0: done; 5: a recording is damaged, its readable part was used.",
+    ]
+)
 
 
 def add_study(arguments: Arguments) -> str:
@@ -29,8 +38,8 @@ def add_study(arguments: Arguments) -> str:
     return _EPILOG
 
 
-def run_study(options: argparse.Namespace) -> None:
-    """Runs a study, and prints its tables."""
+def run_study(options: argparse.Namespace) -> int:
+    """Runs a study, and prints its tables; returns the exit status."""
     from mnsf_ros.studies.study import StudyOptions
     from mnsf_ros.studies.study import run_study as run
 
@@ -38,7 +47,7 @@ def run_study(options: argparse.Namespace) -> None:
     study = StudyOptions(
         out=options.out or Path(f"study_{options.name}"),
         evaluation=chosen(options, EvaluationOptions, settings=chosen_settings(options)),
-        recordings=options.bags,
+        recordings=chosen_recordings(options.bags),
         resume=options.resume,
         command=("mnsf", *sys.argv[1:]),
         say=console.say,
@@ -49,3 +58,4 @@ def run_study(options: argparse.Namespace) -> None:
         console.print(table)
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):
         console.say(text)
+    return status_of(study.recordings)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import RESUME, Arguments, chosen
 from mnsf_ros.cli.console import Console, counting_progress
+from mnsf_ros.cli.evaluate import status_of
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
@@ -25,6 +26,8 @@ Goals:
 
 Files in DIR: tuned.yaml (a ROS parameter file with what changes), trials.log (all
 trials, for --resume).
+
+Exit status: 0: done; 5: a recording is damaged, its readable part was used.
 """
 
 
@@ -41,8 +44,8 @@ def add_tune(arguments: Arguments) -> str:
     return _EPILOG
 
 
-def run_tune(options: argparse.Namespace) -> None:
-    """Tunes with a bar; on Ctrl-C names the way to continue."""
+def run_tune(options: argparse.Namespace) -> int:
+    """Tunes with a bar; on Ctrl-C names the way to continue. Returns the exit status."""
     from mnsf_ros.tuning.tune import check_optuna, tune
 
     check_optuna()
@@ -67,3 +70,4 @@ def run_tune(options: argparse.Namespace) -> None:
         console.say(line)
     if path := outcome.write_parameters(options.out, shlex.join(["mnsf", *sys.argv[1:]])):
         console.say(f"Written: {path}")
+    return status_of(recordings)

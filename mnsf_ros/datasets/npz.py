@@ -12,6 +12,7 @@ from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps_io.files import as_type, columns_of, files_in, read_json, read_npz, reading
 
 _EXTRA: Final = {
@@ -31,15 +32,22 @@ def open_sweeps(source: Path) -> SweepSource:
     files = files_in(source, "*.npz")
     box_file = source / "boxes.json"
     boxes = _read_boxes(box_file) if box_file.is_file() else {}
-    sweeps = (_sweep(file, boxes.get(number)) for number, file in enumerate(files))
-    return SweepSource("lidar", len(files), sweeps)
+    with reading(files[0]):
+        first_ns = int(read_npz(files[0], ("stamp_ns",))["stamp_ns"])
+    # A message has no stamp before 0, and 0 is none.
+    shift_s = max(0, -((first_ns - 1) // NANOSECONDS))
+    note = f"stamps begin at {first_ns} ns: all are made {shift_s} s later" if shift_s else ""
+    sweeps = (
+        _sweep(file, boxes.get(number), shift_s * NANOSECONDS) for number, file in enumerate(files)
+    )
+    return SweepSource("lidar", len(files), sweeps, note)
 
 
-def _sweep(file: Path, boxes: tuple[Box, ...] | None) -> LabelledSweep:
+def _sweep(file: Path, boxes: tuple[Box, ...] | None, shift_ns: int) -> LabelledSweep:
     arrays = read_npz(file, ("xyz", "stamp_ns"))
     with reading(file):
         return LabelledSweep(
-            stamp_ns=int(arrays["stamp_ns"]),
+            stamp_ns=int(arrays["stamp_ns"]) + shift_ns,
             xyz=as_type(arrays["xyz"], np.float32),
             columns=columns_of(arrays, _EXTRA),
             pose=rigid_pose(arrays["pose"]) if "pose" in arrays else None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
@@ -42,7 +43,7 @@ class Example:
 def read_examples(
     recording: EvaluatedRecording, options: EvaluationOptions, findings: Findings
 ) -> Iterator[Example]:
-    """Yields the examples of a recording; `findings` collect events and damage.
+    """Yields the examples of a recording, which gets its damage; `findings` collect events, too.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -57,7 +58,11 @@ def read_examples(
             poses = recorded_track(reader, recording.odometry, settings, findings)
         builder = ExampleBuilder(options, findings, truth=truth, poses=poses, num_sweeps=num_sweeps)
         sweeps = recorded_sweeps(reader, recording.points, recording.name, settings, findings)
-        yield from builder.examples(sweeps)
+        try:
+            yield from builder.examples(sweeps)
+        finally:
+            texts = map(plain_text, findings.damages)
+            recording.damages.extend(text for text in texts if text not in recording.damages)
 
 
 def kept_points(

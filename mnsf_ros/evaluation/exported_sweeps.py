@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
-from mnsf_ros.errors import DatasetError, plain_text
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
@@ -27,20 +27,20 @@ def exported_sweeps(
 ) -> Iterator[ExportedSweep]:
     """Yields the sweeps of a recording with the estimates of a method, in stamp order.
 
-    `warn` gets a line for each sweep without an estimate, and for damage.
+    `warn` gets a line for each sweep without an estimate.
 
     Raises:
         MnsfError: The method cannot be made, or the ego motion is not known.
     """
     stream = Stream(options.settings, method)
     options = options.for_methods([EvaluatedMethod(method, stream.traits)], pairs=True)
-    findings, ground = Findings(), options.settings.ground
+    ground = options.settings.ground
     following: tuple[Sweep, NDArray[np.float64]] | None = None
 
     def without_flow(sweep: Sweep, pose: NDArray[np.float64]) -> ExportedSweep:
         return ExportedSweep(sweep, ground_mask(sweep.xyz, ground), pose)
 
-    for example in read_examples(recording, options, findings):
+    for example in read_examples(recording, options, Findings()):
         current, truth = example.triplet.current, example.truth
         if following is not None and following[0].stamp_ns != current.stamp_ns:
             yield without_flow(*following)
@@ -55,9 +55,6 @@ def exported_sweeps(
         following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
         yield without_flow(*following)
-    # Damage found on opening is not met again.
-    for damage in dict.fromkeys((*recording.damages, *map(plain_text, findings.damages))):
-        warn(damage)
 
 
 def _poses(

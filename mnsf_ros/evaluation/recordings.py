@@ -22,7 +22,7 @@ class EvaluatedRecording:
     truth: str | None  # topic of the true flow
     odometry: str | None  # topic of the sensor's poses
     num_sweeps: int  # that are stored
-    damages: list[str]  # unreadable parts
+    damages: list[str]  # unreadable parts, as far as it was read
     fingerprint: dict[str, SettingValue]  # see `recording.bag_files`
 
     @property

@@ -9,11 +9,11 @@ from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.imu_fit import ImuFit
-from mnsf_ros.input_check.mounting import Mounting
+from mnsf_ros.input_check.level_frame import LevelFrame
 from mnsf_ros.input_check.odometry_fit import OdometryFit
-from mnsf_ros.input_check.own_body import OwnBody
 from mnsf_ros.input_check.point_times import TimesOfPoints
 from mnsf_ros.input_check.revolution import Revolution
+from mnsf_ros.input_check.robot_in_view import RobotInView
 from mnsf_ros.input_check.stamps import Stamps
 from mnsf_ros.input_check.sweep_sample import Located, Step, SweepSample
 from mnsf_ros.settings import Settings
@@ -52,8 +52,8 @@ class InputCheck:
             Revolution(),
             Stamps(),
             TimesOfPoints(rotation),
-            Mounting(mounting),
-            OwnBody(is_searched=settings.crop.own_body == "auto"),
+            LevelFrame(mounting),
+            RobotInView(is_searched=settings.crop.own_body == "auto"),
         )
         self._by_registration: tuple[Assumption, ...] = (OdometryFit(settings.ego_motion), ImuFit())
         self._all: tuple[Assumption, ...] = (*self._assumptions, *self._by_registration)

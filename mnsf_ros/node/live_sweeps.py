@@ -15,6 +15,8 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
 _SPIN_S: Final = 0.1
+# Nodes of Fast DDS announce themselves every 3 s, and more often at first.
+_DISCOVERY_S: Final = 3.0
 
 
 def live_sweeps(
@@ -32,11 +34,13 @@ def live_sweeps(
         source = SweepInput(
             ros.node, settings, report, lambda sweep, _: found.append((sweep, source.num_parts))
         )
-        end_s, is_silent = time.monotonic() + FIRST_PATIENCE_S, True
-        while time.monotonic() < end_s:
+        begun_s, patience_s, is_silent = time.monotonic(), _DISCOVERY_S, True
+        while time.monotonic() < begun_s + patience_s:
             ros.spin_for(_SPIN_S)
+            if is_silent and ros.node.count_publishers(topic):
+                patience_s = FIRST_PATIENCE_S
             if found and is_silent:
-                end_s, is_silent = time.monotonic() + duration_s, False
+                begun_s, patience_s, is_silent = time.monotonic(), duration_s, False
             while found:
                 yield found.popleft()
             source.refresh()
@@ -44,5 +48,5 @@ def live_sweeps(
     if is_silent:
         raise SettingsError(
             f"{topic}: no such recording, and no cloud came on this topic within "
-            f"{FIRST_PATIENCE_S:g} s; {cause}"
+            f"{patience_s:g} s; {cause}"
         )

@@ -12,7 +12,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import chosen_recordings
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import session_now
 from mnsf_ros.report.results_files import session_lines
@@ -26,7 +26,7 @@ class StudyOptions:
 
     out: Path  # folder for all files
     evaluation: EvaluationOptions  # its seed is used for all other draws, too
-    recordings: Sequence[Path]
+    recordings: Sequence[EvaluatedRecording]  # they get what of them is damaged
     resume: bool = False  # whether to continue with the files in the folder
     command: tuple[str, ...] = ()  # for the record
     say: Callable[[str], None] = lambda text: None  # gets one line for each step
@@ -38,7 +38,7 @@ class StudyOptions:
         Raises:
             MnsfError: A recording cannot be used, or there is no example.
         """
-        for recording in chosen_recordings(self.recordings):
+        for recording in self.recordings:
             for example in read_examples(recording, self.evaluation, Findings()):
                 return example
         raise RecordingError("the recordings hold no three sweeps in a row")
@@ -80,7 +80,7 @@ def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
     facts = {
         "seed": str(result.evaluation.seed),
         "points of a sweep": str(result.evaluation.num_points or "all"),
-        "recordings": ", ".join(map(str, options.recordings)),
+        "recordings": ", ".join(one.path for one in options.recordings),
     }
     settings = result.evaluation.settings.to_mapping().items()
     lines = [f"| {setting} | {value} |" for setting, value in settings]

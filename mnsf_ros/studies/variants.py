@@ -4,13 +4,12 @@
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import count
-from pathlib import Path
 from typing import Final
 
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
-from mnsf_ros.evaluation.recordings import chosen_recordings
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.scoring import ResultRow
@@ -25,7 +24,7 @@ _NUM_PICTURES: Final = 3
 def evaluated(
     names: Collection[str],
     evaluation: EvaluationOptions,
-    paths: Sequence[Path],
+    recordings: Sequence[EvaluatedRecording],
     options: StudyOptions,
 ) -> RunResults:
     """Evaluates methods on recordings, in the folder `evaluation` of the study.
@@ -37,10 +36,9 @@ def evaluated(
     evaluation = replace(evaluation, pictures=_NUM_PICTURES)
     methods = evaluated_methods(names, evaluation)
     evaluation = evaluation.for_methods(methods, pairs=False)
-    recordings = chosen_recordings(paths)
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
-    record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])
+    record = RunRecord(evaluation, methods, [*recordings], [session_now(options.command)])
     folder = RunFolder(options.out / "evaluation")
     tasks, numbers = folder.begin(record, resume=options.resume), count(1)
     for _, event in run_serially(tasks, evaluation):

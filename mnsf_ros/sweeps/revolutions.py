@@ -90,7 +90,10 @@ def _directions(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(720,) from which azimuths points (N, 3) return; all for very few points."""
     if len(xyz) < _MIN_POINTS:
         return np.ones(NUM_AZIMUTHS, np.bool_)
-    cells = np.unique(azimuths_of(xyz[:: -(-len(xyz) // _MAX_POINTS)]))
+    some = xyz[:: -(-len(xyz) // _MAX_POINTS)]
+    # The origin may be metres from the lens: far points are nearly in the same direction from both.
+    ranges = np.hypot(some[:, 0], some[:, 1])
+    cells = np.unique(azimuths_of(some[ranges >= np.median(ranges)]))
     gaps = np.diff(cells, append=cells[0] + NUM_AZIMUTHS)
     reach = int(np.quantile(gaps, _MOST, method="lower"))
     seen: NDArray[np.bool_] = np.zeros(NUM_AZIMUTHS, np.bool_)

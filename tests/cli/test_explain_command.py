@@ -69,6 +69,15 @@ def test_mover_and_ground(street, sweep, capsys, tmp_path):
     assert "Decided by the stage: no object\n" in text
 
 
+def test_damage_is_told_with_a_status_of_its_own(street, sweep, capsys, tmp_path):
+    cut, whole = tmp_path / "cut.mcap", next(street.glob("*.mcap")).read_bytes()
+    cut.write_bytes(whole[:-8])
+    status, text, error = explained(capsys, cut, seconds(sweep[0]), at(sweep[1][:1]))
+    assert status == 5
+    assert "Decided by the stage" in text
+    assert f"{cut}: it has no index that can be read" in error
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [

@@ -276,5 +276,5 @@ def test_damage_of_a_recording_is_told(make_street, tmp_path, capsys):
     cut, whole = tmp_path / "cut.mcap", next(street.glob("*.mcap")).read_bytes()
     cut.write_bytes(whole[: len(whole) * 6 // 10])
     out = str(tmp_path / "flows")
-    assert run(["export", "opensceneflow", str(cut), "--out", out, "--method", "ego"]) == 0
-    assert f"{cut}, byte " in capsys.readouterr().out
+    assert run(["export", "opensceneflow", str(cut), "--out", out, "--method", "ego"]) == 5
+    assert f"{cut}, byte " in capsys.readouterr().err

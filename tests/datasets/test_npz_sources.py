@@ -56,6 +56,16 @@ def entry(track, pose):
     }
 
 
+def test_stamps_that_begin_before_zero_are_made_later(tmp_path):
+    source = write_sweeps(tmp_path / "sweeps")
+    for index, file in enumerate(sorted(source.glob("*.npz"))):
+        arrays = {**np.load(file), "stamp_ns": np.int64(index * 10**8 - 504_017)}
+        np.savez(file, **arrays)
+    opened = open_source("sweeps", source)
+    assert opened.note == "stamps begin at -504017 ns: all are made 1 s later"
+    assert [one.stamp_ns for one in opened.sweeps][:2] == [999_495_983, 1_099_495_983]
+
+
 @pytest.mark.parametrize("flow", [False, True])
 def test_sweeps_become_a_recording_with_truth(tmp_path, flow):
     out = tmp_path / "out"

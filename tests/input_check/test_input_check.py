@@ -171,12 +171,13 @@ def test_what_does_not_fit_is_said(name):
 NOTED = {
     "upside down": (lambda one, _: one.moved(turned("x", 180)), "up is nearest to -z; methods get"),
     "tilted": (lambda one, _: one.moved(turned("y", 45)), "z is 45 degrees off the normal"),
+    "tilted a little": (lambda one, _: one.moved(turned("y", 10)), "methods take the clouds as"),
     "base_link": (lambda one, _: one.moved(shifted(1.4, 1.8)), "but at 1.40, 0.00, 1.80 m"),
 }
 
 
 @pytest.mark.parametrize("name", NOTED)
-def test_what_is_corrected_for_the_methods_is_a_note(name):
+def test_what_methods_can_take_is_a_note(name):
     disturb, text = NOTED[name]
     check = checked([disturb(cloud, number) for number, cloud in enumerate(street())])
     assert any(text in finding.found for finding in check.findings())

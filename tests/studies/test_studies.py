@@ -10,6 +10,7 @@ import pytest
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
@@ -49,7 +50,7 @@ def options_in(folder, street):
         evaluation=EvaluationOptions(
             preset("paper").changed(FEW_STEPS), num_points=100, max_examples=2
         ),
-        recordings=(street,),
+        recordings=chosen_recordings([street]),
         case=SMALL,
     )
 
@@ -145,7 +146,8 @@ def test_warm_networks_go_on_and_cold_ones_start_with_each_sweep(studied):
 
 
 def test_warm_start_needs_the_first_recording_alone_and_can_be_resumed(options, tmp_path):
-    options = replace(options, recordings=(*options.recordings, tmp_path / "nowhere"))
+    nowhere = replace(options.recordings[0], path=str(tmp_path / "nowhere"))
+    options = replace(options, recordings=(*options.recordings, nowhere))
     _, paths = run_study("warm-start", options)
     before = rows_of(paths)
     assert rows_of(run_study("warm-start", replace(options, resume=True))[1]) == before

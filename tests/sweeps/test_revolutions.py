@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds that are parts of a revolution are put together; whole ones stay as they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,15 @@ def test_parts_are_put_together(sizes_deg, num_points):
     num_parts = round(360 / np.mean(sizes_deg))
     assert all(len(parts) == num_parts for parts in groups)
     assert [part for parts in groups for part in parts] == clouds[1 : 1 + num_parts * len(groups)]
+
+
+def test_the_origin_may_be_metres_from_the_lens():
+    clouds = []
+    for part in turning([36.0], 40):
+        ranges = np.linalg.norm(part.xyz, axis=1, keepdims=True)
+        moved = part.xyz * ranges / 50 + np.float32([4.0, 0.5, 1.9])  # most points are near
+        clouds.append(replace(part, xyz=moved))
+    assert {len(parts) for parts in groups_of(clouds)[2:]} == {10}
 
 
 def test_parts_that_do_not_divide_a_revolution():

@@ -17,7 +17,7 @@ _END_M: Final = 1.8
 _MIN_SHARE: Final = 0.001
 
 
-class OwnBody(Assumption):
+class RobotInView(Assumption):
     """Says what the method leaves out as the own body."""
 
     def __init__(self, *, is_searched: bool) -> None:
