@@ -79,9 +79,9 @@ class SurfaceMap:
 
     def add(self, cloud: Cloud, poses: NDArray[np.float64]) -> None:
         """Adds a cloud whose parts were measured at poses (K, 4, 4)."""
-        place_m = poses[:, :3, 3].mean(axis=0)
+        middle = poses[len(poses) // 2]
         if self.is_empty:
-            self._origin = place_m - _FIRST_BORDER * self._cell_m
+            self._origin = middle[:3, 3] - _FIRST_BORDER * self._cell_m
         moved = self._moved(cloud, poses)
         if moved is None:
             return
@@ -92,7 +92,7 @@ class SurfaceMap:
         self._seen[cells] = self._num_added
         where = (cells, self._indices, self._cell_m, self._moments, self._num_new)
         add_moments(moved, *where)
-        sensor = np.stack([place_m - self._origin, poses[len(poses) // 2, :3, 2]])
+        sensor = np.stack([middle[:3, 3] - self._origin, middle[:3, 2]])
         fit_surfaces(*where, sensor, self._surfaces)
 
     def compared(self, cloud: Cloud, poses: NDArray[np.float64], noise_m: float) -> Comparison:
@@ -107,7 +107,7 @@ class SurfaceMap:
         moved = self._moved(cloud, poses)
         if moved is not None:
             cells = self._cells_of(moved, adding=False)
-            sensor = tuple((poses[:, :3, 3].mean(axis=0) - self._origin).tolist())
+            sensor = tuple((poses[len(poses) // 2, :3, 3] - self._origin).tolist())
             where = (moved, cloud.parts, cells)
             found = compare(*where, self._surfaces, sensor, noise_m, equations)
         return Comparison(*found, *_of_velocity(equations, cloud.part_times_s))

@@ -54,17 +54,6 @@ class Turns:
         turns = Rotation.from_rotvec(elapsed_s[:, None] * rate).as_matrix()
         return cls(first_s, last_s, turns[:-1], turns[-1])
 
-    def turned(
-        self, vectors: NDArray[np.float32], times_s: NDArray[np.float32], *, back: bool = False
-    ) -> NDArray[np.float32]:
-        """Returns vectors (N, 3) in axes of the sensor at (N,) `times_s` in axes of the moment.
-
-        Backwards, from axes of the moment to those of the sensor.
-        """
-        table = self.table.transpose(0, 2, 1) if back else self.table
-        span = self.first_s, self.last_s
-        return _turned_by(vectors, times_s, *span, np.ascontiguousarray(table, np.float32))
-
 
 @dataclass(frozen=True, eq=False)
 class SweepMotion:
@@ -126,40 +115,57 @@ class SweepMotion:
         Returns:
             (N, 3) metres, frame of the sensor at the moment.
         """
-        elapsed_s = times_s - np.float32(self.moment_s)
-        moved = self._turns_at(times_s).turned(xyz, times_s)
-        for axis in range(3):
-            moved[:, axis] += elapsed_s * np.float32(self.velocity[axis])
-        return moved
+        return self._moved(xyz, times_s, self.velocity[:3])
 
     def moved_back(
         self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Returns static points (N, 3) of the moment as the sensor sees them at `times_s` (N,)."""
-        elapsed_s = times_s - np.float32(self.moment_s)
-        shift = elapsed_s[:, None] * self.velocity[:3].astype(np.float32)
-        return self.turned_back(xyz - shift, times_s)
+        return self._moved(xyz, times_s, self.velocity[:3], back=True)
 
     def turned_back(
         self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Returns vectors (N, 3), given in axes of the moment, in sensor axes at `times_s` (N,)."""
-        return self._turns_at(times_s).turned(vectors, times_s, back=True)
+        return self._moved(vectors, times_s, np.zeros(3), back=True)
+
+    def _moved(
+        self,
+        vectors: NDArray[np.float32],
+        times_s: NDArray[np.float32],
+        velocity: NDArray[np.float64],
+        *,
+        back: bool = False,
+    ) -> NDArray[np.float32]:
+        turns = self._turns_at(times_s)
+        table = turns.table.transpose(0, 2, 1) if back else turns.table
+        table = np.ascontiguousarray(table, np.float32)
+        span = turns.first_s, turns.last_s, self.moment_s
+        return _moved_by(vectors, times_s, *span, table, velocity.astype(np.float32), back)
 
     def _turns_at(self, times_s: NDArray[np.float32]) -> Turns:
         """The measured rotations, else those of a constant rate at the times (N,)."""
         return self.turns or Turns.steady(self.velocity[3:], self.moment_s, times_s)
 
 
-@compiled("float32[:, ::1](float32[:, :], float32[:], float64, float64, float32[:, :, ::1])")
-def _turned_by(
+@compiled(
+    "float32[:, ::1](float32[:, :], float32[:], float64, float64, float64, float32[:, :, ::1],"
+    " float32[::1], boolean)"
+)
+def _moved_by(
     vectors: NDArray[np.float32],
     times_s: NDArray[np.float32],
     first_s: float,
     last_s: float,
+    moment_s: float,
     table: NDArray[np.float32],
+    velocity: NDArray[np.float32],
+    back: bool,
 ) -> NDArray[np.float32]:
-    """(N, 3) each vector turned by the rotation at its time, linear between those of a table."""
+    """(N, 3) each vector turned by the rotation at its time, linear between those of a table.
+
+    Then it moves with the velocity for the time since the moment; backwards, it moves back first.
+    """
     result = np.empty((len(vectors), 3), np.float32)
     last = len(table) - 1
     scale = last / (last_s - first_s) if last_s > first_s else 0.0
@@ -167,11 +173,18 @@ def _turned_by(
         place = min(max((times_s[row] - first_s) * scale, 0.0), float(last))
         number = min(int(place), last - 1)
         share = np.float32(place - number)
+        elapsed_s = np.float32(times_s[row] - moment_s)
         x, y, z = vectors[row, 0], vectors[row, 1], vectors[row, 2]
+        if back:
+            x -= elapsed_s * velocity[0]
+            y -= elapsed_s * velocity[1]
+            z -= elapsed_s * velocity[2]
         for axis in range(3):
             before = table[number, axis, 0] * x + table[number, axis, 1] * y
             before += table[number, axis, 2] * z
             after = table[number + 1, axis, 0] * x + table[number + 1, axis, 1] * y
             after += table[number + 1, axis, 2] * z
             result[row, axis] = before + share * (after - before)
+            if not back:
+                result[row, axis] += elapsed_s * velocity[axis]
     return result
