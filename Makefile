@@ -1,6 +1,6 @@
 # `make demo` shows the node at work, `make test` runs the tests. Each sets up what it needs in
 # .venv, once.
-#   make demo BAG=path/to/recording POINTS=/points VIEW_OPTIONS='--port 8767'
+#   make demo BAG=path/to/recording POINTS=/one/of/several VIEW_OPTIONS='--port 8767'
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
@@ -73,7 +73,7 @@ demo: $(READY) $(if $(BAG),,$(STREET)) ## a simulated street, or BAG=recording, 
 	@trap 'kill $$play $$node $$view 2> /dev/null; wait' EXIT; trap exit HUP INT TERM; \
 	$(BIN)/mnsf play '$(or $(BAG),$(STREET))' --loop --wait & play=$$!; \
 	$(BIN)/scene_flow_node --ros-args --log-level warn \
-		-r '~/points:=$(or $(POINTS),/points)' & node=$$!; \
+		$(if $(POINTS),-r '~/points:=$(POINTS)') & node=$$!; \
 	$(BIN)/mnsf view $(VIEW_OPTIONS) & view=$$!; \
 	wait -n
 

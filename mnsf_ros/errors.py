@@ -120,7 +120,6 @@ def is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool
 # Library to the extra of setup.py that installs it.
 _EXTRAS: Final = {
     **dict.fromkeys(("cattrs", "jinja2", "matplotlib", "pandas"), "evaluation"),
-    **dict.fromkeys(("torch", "edt"), "networks"),
     **dict.fromkeys(("pyarrow", "h5py"), "datasets"),
     "optuna": "tune",
     "ray": "ray",
@@ -128,6 +127,12 @@ _EXTRAS: Final = {
 
 _REMEDIES: Final = {
     **{name: f"in the checkout: pip install '.[{extra}]'" for name, extra in _EXTRAS.items()},
+    # From the default index, PyTorch takes gigabytes of CUDA.
+    **dict.fromkeys(
+        ("torch", "edt"),
+        "in the checkout: make complete, or PyTorch (pytorch.org) and then "
+        "pip install '.[networks]' (or use a method without networks, for example online)",
+    ),
     "rclpy": "source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install its wheels (in the "
     "checkout: pip install '.[wheels]')",
 }
@@ -141,6 +146,4 @@ def library_missing(error: ModuleNotFoundError) -> str:
         "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon build' "
         "in the virtual environment that has it",
     )
-    if _EXTRAS.get(name) == "networks":
-        remedy += " (or use a method without networks, for example online)"
     return f"the Python library {name!r} is not installed for {sys.executable}: {remedy}"

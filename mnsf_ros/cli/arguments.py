@@ -63,9 +63,9 @@ class Arguments:
         """Adds an argument with a value, or an option with one.
 
         Args:
-            name: As the help shows it: `out`, `bags BAG`, `--out DIR` or `-o --out DIR`.
-            text: What the help says; the default is added to it.
-            kind: Converter from text; if not given, the type of the default, or str.
+            name: As in the help: `out`, `bags BAG` or `--out DIR`.
+            text: For the help; the default is added to it.
+            kind: Converter from text; by default the type of the default value, or str.
             default: The default value; None has to be explained by the text.
             others: Further arguments of `argparse.add_argument`.
         """
@@ -81,8 +81,7 @@ class Arguments:
     def declared(self, group: type, *names: str, **defaults: object) -> None:
         """Adds an option for each declared field of a dataclass; `chosen` returns the result.
 
-        With `names` only these, in this order; `defaults` replace those of the dataclass, None
-        tells that an option was not given.
+        With `names` only these, in this order; `defaults` replace those of the dataclass.
         """
         known = {one.name: one for one in settings_of(group)}
         for setting in [known[name] for name in names or known]:

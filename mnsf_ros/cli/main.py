@@ -8,7 +8,6 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from difflib import get_close_matches
 from importlib import import_module
 from types import FrameType
 from typing import Final
@@ -18,12 +17,12 @@ from mnsf_ros.cli.arguments import Arguments, Parser
 from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory
 from mnsf_ros.core.compute_device import let_threads_sleep
-from mnsf_ros.errors import MnsfError, is_caused_by
+from mnsf_ros.errors import MnsfError, did_you_mean, is_caused_by
 
 # Name to summary and module, in the order of the help. The module of a command NAME has `add_NAME`,
 # which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
-# returns the exit status, or None for 0. It is imported for this command alone, and imports what
-# takes long only when it runs: wrong arguments are said at once.
+# returns the exit status, or None for 0. It is imported for this command only. Slow imports are in
+# `run_NAME`, so that wrong arguments are reported at once.
 COMMANDS: Final = {
     "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
     "play": ("publish the messages of a recording", "recordings"),
@@ -61,8 +60,8 @@ EXIT_INTERRUPTED = 130
 def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
-    Exit status 0: done; 2: an argument or file cannot be used, said in one line; 3: it takes more
-    memory than the limit; 130: interrupted; any other is the subcommand's own.
+    Exit status 0: done; 2: an argument or file cannot be used, reported in one line; 3: memory
+    limit; 130: interrupted; others are those of subcommands.
     """
     # What nohup ignores stays so.
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
@@ -120,7 +119,8 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
             overview.print_help(sys.stderr)
             sys.exit(EXIT_USAGE)
         if not name.startswith("-"):
-            overview.error(_unknown(name))
+            hint = did_you_mean(name, COMMANDS) or f"; expected one of {', '.join(COMMANDS)}"
+            overview.error(f"no command {name!r}{hint}")
         # Shows the help or the version, or what is wrong.
         return overview.parse_args(arguments)
     summary, module = COMMANDS[name]
@@ -136,13 +136,6 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
         add_max_memory(Arguments(parser))
     # Options may stand anywhere, also between recordings.
     return parser.parse_intermixed_args(arguments[1:])
-
-
-def _unknown(name: str) -> str:
-    """Says that a command is not known, and which ones are like it."""
-    alike = get_close_matches(name, COMMANDS, n=1)
-    hint = f"did you mean {alike[0]}?" if alike else f"expected one of {', '.join(COMMANDS)}"
-    return f"no command {name!r}; {hint}"
 
 
 def _overview() -> Parser:
@@ -167,7 +160,7 @@ def _print_any_text() -> None:
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:
-    """Makes any signal a Ctrl-C: child processes are ended, half-written files removed."""
+    """Makes any signal a Ctrl-C, so that child processes end and drafts are removed."""
     _met.append(number)
     raise KeyboardInterrupt
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Memory limit of a command, kept by the operating system for every library that it calls.
+"""Memory limit of a command, enforced by the operating system for all libraries.
 
 A few kilobytes of a hostile file can expand to all memory there is. Under the limit (RLIMIT_DATA,
 Linux) the allocation fails instead, and Python raises a MemoryError.

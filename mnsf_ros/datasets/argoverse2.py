@@ -37,7 +37,7 @@ ARGOVERSE2: Final = classes_of(
     animal="ANIMAL, DOG",
 )
 _ARGOVERSE2_NAMES: Final = sorted(ARGOVERSE2)
-# The usual category of each class that has one.
+# The most common category of each class.
 _ARGOVERSE2_NUMBERS: Final = {
     SurfaceClass[surface]: 1 + _ARGOVERSE2_NAMES.index(name)
     for surface, name in {

@@ -31,7 +31,7 @@ _Names = dict[tuple[str, int], str]
 
 
 class Submission:
-    """Writes the sweeps of a challenge into an archive."""
+    """Writes the sweeps of a challenge into an archive; `columns` has those of a file by name."""
 
     def __init__(
         self,
@@ -39,7 +39,6 @@ class Submission:
         wanted: _Names,
         columns: Callable[[str, ExportedSweep], _Columns],
     ) -> None:
-        """`columns` are those of a sweep that is written to a file of this name."""
         self._archive, self._wanted, self._columns = archive, wanted, columns
 
     def write(self, log: str, sweep: ExportedSweep) -> None:
@@ -68,8 +67,7 @@ class Submission:
 def submission_2023(path: Path, masks: Path, *, overwrite: bool = False) -> Iterator[Submission]:
     """Opens a submission to the challenge of 2023, of the points of an archive of masks.
 
-    Flow includes the ego motion, as in `av2.evaluation.scene_flow`. The file appears when the block
-    ends well.
+    Flow includes the ego motion, as in `av2.evaluation.scene_flow`.
 
     Raises:
         DatasetError: The masks cannot be read, or the file cannot be written.
@@ -101,7 +99,6 @@ def submission_v3(path: Path, index: Path, *, overwrite: bool = False) -> Iterat
     """Opens a submission to the leaderboard of 2026 (v3), of all points of the sweeps of an index.
 
     Flow is residual: without the ego motion. `index` is `index_eval.pkl`, pairs of scene and stamp.
-    The file appears when the block ends well.
 
     Raises:
         DatasetError: The index cannot be read, or the file cannot be written.

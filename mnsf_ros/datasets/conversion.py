@@ -1,8 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sequences of data sets, opened by the name of their format, and written as recordings with truth.
 
-Each opener raises a DatasetError if a needed file is missing or damaged; so does reading the
-sweeps.
+Openers, and the iteration over sweeps, raise a DatasetError if a file is missing or damaged.
 """
 
 from collections.abc import Callable
@@ -19,12 +18,10 @@ from mnsf_ros.recording.flow_truth import FlowTruth, TrueSweep
 
 
 def open_source(name: str, source: Path, sequence: str | None = None) -> SweepSource:
-    """Opens a sequence of a data set whose format is a key of `FORMATS`.
-
-    A source with several sequences needs the name of the `sequence`.
+    """Opens a sequence of a data set of one of `FORMATS`, by its name if there are several.
 
     Raises:
-        DatasetError: The format has no sequences, or a needed file is missing or damaged.
+        DatasetError: The format has no sequences, or a file is missing or damaged.
     """
     if sequence is not None and not FORMATS[name].has_sequences:
         raise DatasetError(f"format {name!r} takes no sequence")
@@ -58,7 +55,7 @@ class TruthSummary:
 
     @property
     def warning(self) -> str:
-        """What a user may not expect; empty if nothing."""
+        """A warning for the user; may be empty."""
         if self.num_valid:
             return ""
         return (
@@ -75,9 +72,7 @@ def write_recording(
     *,
     overwrite: bool = False,
 ) -> TruthSummary:
-    """Writes a sequence with its true flow, two sweeps in memory at a time.
-
-    After every sweep `progress` is called with the number of sweeps done.
+    """Writes a sequence with its true flow; `progress` gets the number of sweeps done.
 
     Raises:
         DatasetError: The data set is damaged, or its sweeps are out of order.

@@ -38,7 +38,7 @@ class ExportedSweep:
 
     @property
     def flow(self) -> NDArray[np.float32]:
-        """(N, 3) metres; where there is no estimate, that of static points."""
+        """(N, 3) metres; that of static points where there is no estimate."""
         ego_flow = rigid_flow(self.sweep.xyz, self._motion)
         if self.estimate is None:
             return ego_flow
@@ -53,7 +53,7 @@ class ExportedSweep:
 
     @property
     def dynamic(self) -> NDArray[np.bool_]:
-        """(N,) the points that move over ground, as the method says, or by their flow."""
+        """(N,) the points that move over ground, by the method if it finds movers, else by flow."""
         if self.estimate is not None and self.estimate.over_ground is not None:
             return self.estimate.over_ground.dynamic
         return np.linalg.norm(self.residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
@@ -65,7 +65,7 @@ class ExportedSweep:
 
     @property
     def as_truth(self) -> FlowTruth:
-        """The estimate in the form of truth: dynamic points are cars, tracked objects known."""
+        """The estimate as truth: dynamic points are cars, objects have the numbers of tracks."""
         known = None if self.estimate is None else self.estimate.over_ground
         track_ids = None if known is None else known.track_ids
         if track_ids is None:

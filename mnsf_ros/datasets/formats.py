@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What `mnsf convert` is asked for: formats of data sets, and how their truth is made."""
+"""Options of `mnsf convert`: formats of data sets, and settings of their truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ class TruthSettings:
     """Settings of the truth.
 
     Attributes:
-        box_margin_m: Growth of the boxes in length, width and height, metres. The default is that
-            of the data sets prepared for NSFP, FNSF and MNSF.
+        box_margin_m: Growth of the boxes in length, width and height. The default is that of the
+            data sets prepared for NSFP, FNSF and MNSF.
         unlabelled_static: Whether points outside the labelled area are static instead of unknown.
         official: Whether points belong to boxes as in the official labels of Argoverse 2 (av2-api
-            01e6d958, `Flow.from_sweep_pair`) instead, see `official_box_of_points`; the flow to a
-            hidden box is unknown.
+            01e6d958, `Flow.from_sweep_pair`), see `official_box_of_points`; the flow to a hidden
+            box is then unknown.
     """
 
     box_margin_m: float = 0.6

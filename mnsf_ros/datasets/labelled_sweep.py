@@ -13,7 +13,7 @@ from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, is_rigid
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
-# Beyond the range of any lidar: the number of a damaged file.
+# Beyond the range of any lidar: larger coordinates are damage.
 _FARTHEST_M: Final = 1e6
 _MASKS: Final = ("flow_valid", "dynamic", "class_id", "labelled", "ground", "own_vehicle")
 
@@ -33,10 +33,10 @@ class Box:
 
     Attributes:
         pose: (4, 4) float64 `sweep_from_box`; the origin of the box is its middle, x its length.
-        size_m: (3,) length, width and height in metres.
+        size_m: (3,) length, width and height.
         class_id: Class of the surface, see `docs/recordings.md`.
         track_id: Name of the object in all sweeps; None if its motion is unknown.
-        hidden: Whether no point is of the object, as where it was fully occluded.
+        hidden: Whether the object has no points, for example because it is fully occluded.
 
     Raises:
         ValueError: The pose is not a rigid motion, a size is not above 0, or the track has another
@@ -50,7 +50,6 @@ class Box:
     hidden: bool = False
 
     def __post_init__(self) -> None:
-        """Checks for silent errors of the flow."""
         name = f"box of track {self.track_id!r}"
         if not isinstance(self.track_id, str | int | None):
             raise ValueError(f"{name}: expected a text or an integer")
@@ -99,7 +98,6 @@ class LabelledSweep:
     own_vehicle: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        """Checks shapes, range and pose."""
         name = f"sweep of stamp {self.stamp_ns}"
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3:
             raise ValueError(f"{name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
@@ -127,7 +125,7 @@ class SweepSource:
         frame_id: Frame of the points.
         num_sweeps: Number of sweeps.
         sweeps: Sweeps in the order of their stamps; can be iterated once.
-        note: What a user may not expect of the files; empty if nothing.
+        note: A warning for the user; may be empty.
     """
 
     frame_id: str

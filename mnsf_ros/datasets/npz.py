@@ -99,7 +99,7 @@ def _sweeps_of_files(files: list[Path]) -> Iterator[LabelledSweep]:
             )
         for index, flow_name in enumerate((*flow_names, "")):
             xyz, flow = arrays[f"pc{index + 1}"], arrays.get(flow_name)
-            # Other labels belong to the sweep in the middle.
+            # The other labels are of the sweep in the middle.
             labels = arrays if flow is not None and flow_name == flow_names[-1] else {}
             with reading(file):
                 yield LabelledSweep(

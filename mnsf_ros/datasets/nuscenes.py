@@ -45,7 +45,7 @@ def nuscenes_class(name: str) -> int:
 
 
 def _json_rows(path: Path) -> Iterator[Any]:
-    """Yields the entries of a JSON list; as objects, a table of a gigabyte would take several."""
+    """Yields the entries of a JSON list one by one: tables have a gigabyte."""
     decoder = json.JSONDecoder()
     with reading(path):
         text = path.read_text("utf-8").strip()

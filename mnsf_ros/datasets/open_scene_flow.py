@@ -76,7 +76,7 @@ def _sweep_keys(source: Path) -> list[str]:
 
 
 def stamps_ns(keys: Iterable[str]) -> dict[str, int]:
-    """Returns group to stamp in nanoseconds; the unit is told by digits and intervals."""
+    """Returns group to stamp in nanoseconds; the unit follows from digits and intervals."""
     stamps = {key: int(key) for key in keys}
     found = sorted(stamps.values()) or [0]
     interval = float(np.median(np.diff(np.array(found, float)))) if len(found) > 1 else 0.0
@@ -161,15 +161,14 @@ class OpenSceneFlowWriter:
         self._overwrite = overwrite
         self._groups = {stamp: name for name, stamp in stamps_ns(file).items()}
         self._is_new = not self._groups
-        # Object to its number in the file, which has 16 bits for it.
+        # Numbers of objects in the file, which has 16 bits for them.
         self._instances = {0: 0}
 
     def write(self, sweep: ExportedSweep) -> None:
         """Adds a sweep, or its estimate to the sweep of the same stamp.
 
         Raises:
-            DatasetError: The file has no such sweep or other points, or the estimate is there
-                already.
+            DatasetError: The file has no such sweep, other points, or such an estimate already.
         """
         if self._is_new:
             group, arrays = self._file.create_group(str(sweep.sweep.stamp_ns)), _sweep_arrays(sweep)
@@ -234,9 +233,9 @@ def open_scene_flow_writer(
     Args:
         path: The file.
         key: Name of the estimates, (N, 3) metres until the next sweep with ego motion.
-        labels: Whether the estimates are the labels, too: `flow` with its companions for supervised
+        labels: Whether the estimates are also written as labels: `flow` and others for supervised
             methods, `dufo` and `dufocluster` for SeFlow. All dynamic points are then of the
-            category REGULAR_VEHICLE, as methods here know none.
+            category REGULAR_VEHICLE.
         overwrite: Whether estimates of the same name are replaced.
 
     Raises:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Whether poses of a data set are those of the frame of its points, found by the flow of labels."""
+"""Pose of the points of a data set in the frame of its poses, from the flow of labels."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -15,20 +15,18 @@ from mnsf_ros.geometry.transforms import FloatArray
 _SAME_MOTION_M: Final = 0.01
 # Poses and flow that differ by more than this angle have other axes, and no common origin.
 _SAME_TURN: Final = 1e-2
-# Directions about which the vehicle hardly turns tell nothing about the origin.
+# Directions about which the vehicle hardly turns do not determine the origin.
 _MIN_TURN_RATIO: Final = 0.1
 
 
 def frame_of_points(
     pairs: Iterable[tuple[LabelledSweep, LabelledSweep]],
 ) -> tuple[FloatArray, str]:
-    """Returns `frame_of_pose_from_points` (4, 4) with a note for the user, empty if they are one.
+    """Returns `frame_of_pose_from_points` (4, 4), and a note for the user if the frames differ.
 
-    A vehicle that turns by R moves a lidar at t by (R - I) t more than its own origin. The axes of
-    both frames must be the same. Where they do not fit, the result is the identity, with a note.
-
-    Args:
-        pairs: Sweeps with flow and pose, each with its next sweep.
+    A vehicle that turns by R moves a lidar at t by (R - I) t more than its own origin. If the axes
+    of both frames differ, the result is the identity, with a note. Pairs are sweeps with flow and
+    pose, and their next sweeps.
     """
     turns, differences = [], []
     for current, following in pairs:

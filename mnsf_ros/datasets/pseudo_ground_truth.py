@@ -55,11 +55,11 @@ def _object_id(track_id: str | int | None) -> int:
 def box_of_points(
     xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float, ground: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Returns (N,) the index of the box of each point (N, 3), -1 for none.
+    """Returns the index (N,) of the box of each point (N, 3), -1 for none.
 
     Labelled boxes are tight, so they grow by `margin_m` in length, width and height, half of it on
-    either side; but not for points of the ground (N,). A point in several boxes belongs to the one
-    that it is deepest inside. Hidden boxes own no points.
+    either side, except for points of the ground (N,). A point in several boxes belongs to the one
+    in which it is deepest. Hidden boxes own no points.
     """
     owner = np.full(len(xyz), -1, dtype=np.int64)
     overshoot = np.full(len(xyz), np.inf)
@@ -87,7 +87,7 @@ def official_box_of_points(xyz: NDArray[np.float32], boxes: Sequence[Box]) -> ND
 def _points_near(
     xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.floating[Any]]]]:
-    """Index of each box that is not hidden, points around it, and these (M, 3) in its frame."""
+    """Yields the index of each visible box, points around it, and these (M, 3) in its frame."""
     x, y = np.ascontiguousarray(xyz[:, 0]), np.ascontiguousarray(xyz[:, 1])
     for number, box in enumerate(boxes):
         if box.hidden:
@@ -158,7 +158,7 @@ def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.fl
 
 
 def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
-    """Returns (N,) whether the labels tell moving objects from static points there."""
+    """Returns (N,) whether labels distinguish dynamic from static points there."""
     is_labelled = sweep.boxes is not None or sweep.flow is not None
     if settings.unlabelled_static or not is_labelled or sweep.labelled is None:
         return np.full(len(sweep), settings.unlabelled_static or is_labelled)

@@ -25,7 +25,7 @@ _LEGEND_IN: Final = 0.4
 _MARGIN_M: Final = 1.0
 # Colours and kind of line of each family of curves, for the colour-blind, too.
 _FAMILIES: Final = (("Blues", "-"), ("Oranges", "--"), ("Greys", ":"))
-# They can be told apart with colour blindness, too.
+# Distinct with colour blindness, too.
 _STATE_COLORS: Final = {
     "hit": "#14804a",
     "passed through": "#c4450a",
@@ -35,10 +35,10 @@ _STATE_COLORS: Final = {
 
 
 def height_maps(title: str, maps: "Mapping[str, pd.DataFrame]") -> bytes:
-    """Draws the rise of losses in metres above that in the middle, with the same levels for all.
+    """Draws the rise of losses above that in the middle, with the same levels in all maps.
 
-    Each map has losses: (G,) steps as columns, and as rows along the second direction, symmetric,
-    0 in the middle.
+    Each map has losses in metres; columns and rows are steps along the two directions, symmetric
+    around 0.
     """
     figure = _figure(4.2 * len(maps) + 1.0, 5.0)
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
@@ -68,14 +68,10 @@ def curves(
     x_label: str,
     y_label: str,
 ) -> bytes:
-    """Draws curves from zero up; gaps stand where a value is NaN.
+    """Draws up to three families of curves, with gaps where a value is NaN.
 
-    Args:
-        title: Title of the picture.
-        families: Up to three families of curves; of each the names and the values, with x as index.
-            A family has one colour, darker from curve to curve, and one kind of line.
-        x_label: Label of the x axis, a whole number.
-        y_label: Label of the y axis, with its unit.
+    Each family has names of curves and their values, with whole numbers x as index. It has one
+    colour, darker from curve to curve, and one kind of line.
     """
     figure = _figure(9.0, 4.5)
     axes = figure.subplots()
@@ -156,7 +152,7 @@ def _draw_match(axes: Axes, panel: Panel) -> None:
 
 
 def _figure(width: float, height: float) -> Figure:
-    """Returns an empty figure, in inches, with automatic layout."""
+    """Returns an empty figure of a size in inches."""
     return Figure((width, height), layout="constrained")
 
 

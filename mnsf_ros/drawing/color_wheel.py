@@ -32,13 +32,8 @@ def flow_colors(flow: NDArray[Any], full_speed_m: float) -> NDArray[np.float64]:
     Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
     Opposite directions have opposite hues. The colour fades to grey as the vector shortens.
 
-    Args:
-        flow: (N, 2) or wider, metres; only x and y count.
-        full_speed_m: Length of vectors with full colour, metres, above 0; longer ones look the
-            same.
-
-    Returns:
-        (N, 3) RGB, each 0 to 1.
+    Flow is (N, 2) or wider, colours are (N, 3) RGB, each 0 to 1. They are full from `full_speed_m`
+    on, in the unit of the flow.
     """
     x, y = flow[:, 0].astype(np.float64), flow[:, 1].astype(np.float64)
     speeds = np.hypot(x, y)

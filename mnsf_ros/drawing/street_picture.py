@@ -19,7 +19,7 @@ from mnsf_ros.drawing.color_wheel import (
     wheel_image,
 )
 
-# Of a picture, which stands beside another one.
+# Of one of several pictures side by side.
 _WIDTH_PX: Final = 560
 _HEIGHT_PX: Final = 300
 _GAP_PX: Final = 4
@@ -50,13 +50,13 @@ def frame(
     full_speed_m_s: float,
     errors_m: NDArray[np.floating[Any]] | None = None,
 ) -> bytes:
-    """Draws a sweep once for each of some velocities, and its errors from above, side by side.
+    """Draws a sweep once for each of several velocities, and its errors from above, side by side.
 
     Args:
         xyz: (N, 3) metres, sensor frame, x forward.
-        velocities: Each (N, 3) metres per second over ground; static points are grey.
+        velocities: Each (N, 3) m/s over ground; static points are grey.
         full_speed_m_s: Speed of the full colour.
-        errors_m: (N,) metres, NaN where unknown; None: are not drawn.
+        errors_m: (N,) metres, NaN where unknown; None: not drawn.
 
     Returns:
         A PNG file.
@@ -162,7 +162,7 @@ def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
 
 
 def animation(frames: Sequence[bytes], interval_s: float) -> bytes:
-    """Returns a WebP file of PNG files that plays at an interval."""
+    """Combines PNG files into an animated WebP with an interval between frames."""
     first, *others = (Image.open(io.BytesIO(one)) for one in frames)
     content = io.BytesIO()
     duration = max(1, round(1e3 * interval_s))

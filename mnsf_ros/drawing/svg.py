@@ -14,7 +14,7 @@ _BELOW: Final = 34
 _SMALLEST: Final = 1e-4  # on a logarithmic axis
 _NUM_STEPS: Final = 4
 _MAX_DECADES: Final = 6
-# They can be told apart with colour blindness, too.
+# Distinct with colour blindness, too.
 COLORS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#999999")
 
 Rows = Mapping[str, Mapping[str, float]]
@@ -26,13 +26,10 @@ def color_of(place: int) -> str:
 
 
 def dot_chart(rows: Rows, series: Sequence[str], unit: str, *, is_log: bool = False) -> str:
-    """Returns a line of dots for each row; their colours are those of `color_of`.
+    """Returns a line of dots for each row, one for each series that has a value there.
 
-    Args:
-        rows: Names of rows to names of series to values; NaN for none.
-        series: All series.
-        unit: Name of the axis with its unit.
-        is_log: Whether the axis is logarithmic, from 0.0001 on; else it ends at 100.
+    `unit` is the name of the axis with its unit. A logarithmic axis begins at 0.0001, others end at
+    100.
     """
     values = [value for own in rows.values() for value in own.values() if math.isfinite(value)]
     axis = _LogAxis(values) if is_log else _Axis(values)
@@ -54,7 +51,7 @@ def dot_chart(rows: Rows, series: Sequence[str], unit: str, *, is_log: bool = Fa
 
 
 class _Axis:
-    """An axis to 100, from the multiple of 20 below all values."""
+    """An axis from a multiple of 20 to 100."""
 
     def __init__(self, values: Sequence[float]) -> None:
         low = min(80.0, 20.0 * math.floor(min(values, default=0.0) / 20))
@@ -70,7 +67,7 @@ class _Axis:
 
 
 class _LogAxis(_Axis):
-    """An axis of decades; smaller values than the least are shown as that."""
+    """An axis of decades."""
 
     def __init__(self, values: Sequence[float]) -> None:
         logs = [self._scaled(value) for value in values] or [0.0]

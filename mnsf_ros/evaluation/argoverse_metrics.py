@@ -53,7 +53,7 @@ def three_way_sums(
 ) -> Sums:
     """Adds up end point errors (N,) in metres over the three groups of the three-way EPE.
 
-    `dynamic` and `class_id` are (N,), see `docs/recordings.md`. Groups without points are missing.
+    Groups without points are missing.
     """
     foreground = np.isin(class_id, list(_OBJECTS))
     masks = (foreground & dynamic, foreground & ~dynamic, ~foreground & ~dynamic)
@@ -67,13 +67,10 @@ def bucket_sums(
     xy: NDArray[np.floating[Any]],
     class_id: NDArray[np.uint8],
 ) -> Sums:
-    """Adds up errors and motion of each class and bucket.
+    """Adds up errors and motion of each class and bucket, as `CLASS/bucket`, the first one is 0.
 
     `errors_m` and `motion_m`, the true motion without ego motion, are (N,) metres in 0.1 s, `xy` is
-    (N, 2) metres in the sensor frame, `class_id` (N,) as in `docs/recordings.md`.
-
-    Returns:
-        `CLASS/bucket` to its sums; the first bucket is 0. Empty ones are missing.
+    (N, 2) metres in the sensor frame. Empty buckets are missing.
     """
     near = (np.abs(xy) < _REACH_M).all(axis=1)
     errors_m, motion_m, class_id = errors_m[near], motion_m[near], class_id[near]
@@ -91,11 +88,7 @@ def bucket_sums(
 def range_sums(
     errors_m: NDArray[np.float64], motion_m: NDArray[np.float64], range_m: NDArray[np.float64]
 ) -> Sums:
-    """Adds up errors of static and dynamic points by range.
-
-    `errors_m` and `motion_m` are those of `bucket_sums`, `range_m` is (N,) metres. Groups without
-    points are missing.
-    """
+    """Adds up errors of static and dynamic points by range (N,), otherwise as `bucket_sums`."""
     places = np.searchsorted(list(_RANGES.values()), range_m, side="right")
     groups = 2 * places + (motion_m >= _MOVING_M)
     names = [f"{kind} {name}" for name in _RANGES for kind in _KINDS]

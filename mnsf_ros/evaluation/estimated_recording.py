@@ -2,15 +2,15 @@
 """The flow of a recording, as a recording with the topics of the node."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.outcomes import pushed
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
+from mnsf_ros.evaluation.tracks import recorded_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -25,7 +25,7 @@ from msg_utils.point_cloud2 import encode_columns
 
 _NODE: Final = "/scene_flow"
 # All sweeps may fail in the same way.
-_MAX_TOLD: Final = 3
+_MAX_WARNINGS: Final = 3
 
 
 def write_estimated(
@@ -38,20 +38,13 @@ def write_estimated(
     *,
     overwrite: bool = False,
 ) -> tuple[int, bool]:
-    """Estimates the sweeps of a topic and writes what the node would publish.
+    """Estimates the sweeps of a recording and writes to the target what the node would publish.
 
-    Returns how many, and whether the recording was found undamaged.
+    Sweeps without flow and damaged parts are left out; `warn` gets a line for each. `done` gets the
+    number of sweeps read so far.
 
-    Sweeps without flow are left out and damage is read around; `warn` gets a line for each.
-
-    Args:
-        reader: The recording.
-        topics: Of its clouds, and of the odometry, if any.
-        target: The recording to write.
-        stream: Estimates them.
-        warn: Gets a line.
-        done: Gets the number of sweeps read so far.
-        overwrite: Whether to replace a recording at the target.
+    Returns:
+        Number of sweeps with flow, and whether the recording is undamaged.
 
     Raises:
         RecordingError: No sweep has a flow, or the target cannot be written.
@@ -60,27 +53,22 @@ def write_estimated(
 
     def fail(text: str) -> None:
         failures.append(text)
-        if len(failures) <= _MAX_TOLD:
+        if len(failures) <= _MAX_WARNINGS:
             warn(text)
 
-    settings, topic = stream.settings, topics.points
-    clouds = recorded_clouds(reader, topic, settings, findings)
-    poses = recorded_track(reader, topics.odometry, settings, findings)
+    settings = stream.settings
+    clouds = recorded_clouds(reader, topics, settings, findings)
     with BagWriter(target, overwrite=overwrite) as writer:
         for number, sweep in enumerate(clouds, start=1):
             done(number)
-            if sweep is None or len(sweep) == 0:
-                continue
-            pose = poses.pose_at(sweep.stamp_ns)
-            located = replace(sweep, odometry=None if pose is None else pose.world_from_frame)
-            if (found := pushed(stream, located, fail)) is not None:
+            if len(sweep) and (found := pushed(stream, sweep, fail)) is not None:
                 _write(writer, *found, settings)
                 num_estimated += 1
         if num_estimated == 0:
             reason = failures[-1] if failures else "three sweeps in a row are needed"
-            raise RecordingError(f"{reader.path}: no sweep of {topic} has a flow: {reason}")
-    if len(failures) > _MAX_TOLD:
-        warn(f"and {len(failures) - _MAX_TOLD} more sweeps without flow")
+            raise RecordingError(f"{reader.path}: no sweep of {topics.points} has a flow: {reason}")
+    if len(failures) > _MAX_WARNINGS:
+        warn(f"and {len(failures) - _MAX_WARNINGS} more sweeps without flow")
     for damage in findings.damages:
         warn(str(damage))
     return num_estimated, not (reader.damages or findings.damages)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Examination of a stream: what its clouds are, and what of them does not fit the method."""
+"""Examination of a stream: properties of its clouds, and those that do not suit the method."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +10,9 @@ import numpy as np
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import plain_text
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings, recorded_clouds, recorded_track
+from mnsf_ros.evaluation.tracks import recorded_clouds
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.input_check import InputCheck
@@ -30,17 +31,11 @@ _LEAST_CLOUDS: Final = 2
 
 @dataclass(frozen=True)
 class Examination:
-    """What was found in a stream.
+    """Result of the examination of a stream."""
 
-    Attributes:
-        facts: Name to what the input is, in words.
-        findings: What does not fit, the worst first.
-        notes: What was noticed while it was read: further damage, events with their counts.
-    """
-
-    facts: dict[str, str]
-    findings: list[Finding]
-    notes: list[str]
+    facts: dict[str, str]  # properties of the input, by name
+    findings: list[Finding]  # the worst first
+    notes: list[str]  # further damage, and events with their counts
 
     @property
     def is_wrong(self) -> bool:
@@ -49,11 +44,11 @@ class Examination:
 
 
 class Examiner:
-    """Checks sweeps with what the method `online` finds while it prepares them.
+    """Checks sweeps with the preparation of the method `online`.
 
     Attributes:
         check: Gets each cloud before its sweep is added.
-        findings: What was noticed while they were read.
+        findings: For the reader of the sweeps.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -77,7 +72,7 @@ class Examiner:
             self.check.locate(located)
 
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
-        """Returns what was found, with facts about the source of the clouds, and notes."""
+        """Returns the result, with facts about the source of the clouds, and notes."""
         found, num_clouds = self.check.findings(), self.check.num_clouds
         if num_clouds < _LEAST_CLOUDS:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
@@ -96,16 +91,13 @@ def examined(
     examiner = Examiner(settings)
     findings = examiner.findings
     with BagReader(recording.path) as reader:
-        poses = recorded_track(reader, recording.odometry, settings, findings)
         about = _about(reader, recording)
         end_ns = np.inf
-        for sweep in filter(None, recorded_clouds(reader, recording.points, settings, findings)):
+        for sweep in recorded_clouds(reader, recording.topics, settings, findings):
             end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
             if sweep.stamp_ns > end_ns:
                 break
-            pose = poses.pose_at(sweep.stamp_ns)
-            odometry = None if pose is None else pose.world_from_frame
-            examiner.add(replace(sweep, odometry=odometry))
+            examiner.add(sweep)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]
     damages = [*dict.fromkeys((*reader.damages, *findings.damages))]
     found = examiner.examination(about, (*map(plain_text, damages[1:]), *events))

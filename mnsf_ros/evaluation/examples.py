@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""From sweeps, truth and poses to examples, one at a time: memory does not grow with length."""
+"""Examples from sweeps, truth and poses, one at a time: memory does not grow with length."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -7,16 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import (
-    Event,
-    Findings,
-    TruthTrack,
-    recorded_sweeps,
-    recorded_track,
-    truth_clouds,
-)
+from mnsf_ros.evaluation.tracks import recorded_sweeps, recorded_track
+from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -27,7 +22,7 @@ from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """A triplet with what is known about the true flow of its current sweep.
+    """A triplet with the true flow of its current sweep, if known.
 
     Attributes:
         recording: Name of the recording.
@@ -52,7 +47,7 @@ class Example:
 def read_examples(
     recording: EvaluatedRecording, options: EvaluationOptions, findings: Findings
 ) -> Iterator[Example]:
-    """Yields the examples of a recording; findings get what is noticed.
+    """Yields the examples of a recording; `findings` collect events and damage.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -76,10 +71,9 @@ def kept_points(
     true_ground: NDArray[np.bool_] | None,
     options: EvaluationOptions,
 ) -> NDArray[np.bool_]:
-    """Returns the points (N,) whose flow is asked for and scored, the same for all methods.
+    """Returns a mask (N,) of the points to estimate and score, the same for all methods.
 
-    `xyz` is (N, 3) metres, levelled, `true_ground` (N,) bool or None. Each stamp has
-    its own random choice, the same in each run.
+    `xyz` is (N, 3) metres, levelled. Each stamp has its own random choice, the same in each run.
     """
     settings = options.settings
     if settings.ground.remove and options.ground == "truth" and true_ground is not None:
@@ -117,11 +111,7 @@ class ExampleBuilder:
         self._newest: tuple[int, FlowTruth | None] = (0, None)
 
     def examples(self, sweeps: Iterable[Sweep | None]) -> Iterator[Example]:
-        """Yields the examples of a recording.
-
-        Sweeps hold all measured points and a CloudRows as `source`; None stands where some may be
-        missing.
-        """
+        """Yields the examples of sweeps as from `recorded_sweeps`."""
         for sweep in sweeps:
             if sweep is None:
                 self._interrupt()
@@ -129,7 +119,7 @@ class ExampleBuilder:
                 yield example
 
     def _interrupt(self) -> None:
-        """Lets no triplet span this place."""
+        """Makes the next triplet start after this place."""
         self._findings.count(Event.INTERRUPTIONS, int(len(self._buffer) > 0))
         self._buffer.clear()
 
@@ -138,12 +128,8 @@ class ExampleBuilder:
         truth = self._truth_of(sweep)
         sweep = self._findings.mounting.mounted(sweep, self._options.settings)
         self._findings.count(Event.LEVELLED, int(sweep.tilt is not None))
-        kept = kept_points(
-            sweep.levelled.xyz,
-            sweep.stamp_ns,
-            None if truth is None else truth.ground,
-            self._options,
-        )
+        ground = None if truth is None else truth.ground
+        kept = kept_points(sweep.levelled.xyz, sweep.stamp_ns, ground, self._options)
         sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
         arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
@@ -162,7 +148,7 @@ class ExampleBuilder:
         truth, passed_over = self._truth.take(sweep)
         self._findings.count(Event.TRUTH_WITHOUT_SWEEP, passed_over)
         if passed_over and len(self._buffer) and self._newest[1] is not None:
-            # The truth before leads to a sweep that is not there, and must not be scored.
+            # The truth of the last sweep leads to a sweep that is missing.
             self._interrupt()
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
         return truth

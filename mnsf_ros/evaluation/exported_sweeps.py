@@ -10,10 +10,10 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.errors import DatasetError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.outcomes import estimated
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.ground_surface import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep
@@ -55,7 +55,7 @@ def exported_sweeps(
         following = example.triplet.next, pose @ np.linalg.inv(motion)
     if following is not None:
         yield without_flow(*following)
-    # What was found on opening is not met again.
+    # Damage found on opening is not met again.
     for damage in dict.fromkeys((*recording.damages, *map(plain_text, findings.damages))):
         warn(damage)
 

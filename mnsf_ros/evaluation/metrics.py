@@ -14,7 +14,7 @@ The formulas are those of the paper's own code, at its edges too:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -53,6 +53,9 @@ class FlowErrors:
     num_points: int
 
 
+ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
+
+
 def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
     """Scores an estimated flow (N, 3) against the truth (N, 3), metres per sweep interval."""
     if len(truth) == 0:
@@ -72,7 +75,7 @@ def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
 def by_motion(
     estimate: NDArray[Any], truth: NDArray[Any], dynamic: NDArray[np.bool_]
 ) -> dict[str, FlowErrors]:
-    """Scores `all` points, and apart those that are `dynamic` (N,) and those that are `static`."""
+    """Scores `all` points, those that are `dynamic` (N,), and those that are `static`."""
     parts = {"all": np.ones_like(dynamic), "dynamic": dynamic, "static": ~dynamic}
     return {name: flow_errors(estimate[mask], truth[mask]) for name, mask in parts.items()}
 
@@ -83,9 +86,7 @@ def errors_by_band(
     values: NDArray[np.float64],
     limits: tuple[float, ...],
 ) -> dict[str, FlowErrors]:
-    """Scores points apart by bands of some values (N,), which are at least 0.
-
-    The upper limits of the bands are ascending, the last one is infinite.
+    """Scores points in bands of values (N,) from 0 to ascending upper limits, the last infinite.
 
     Returns:
         Upper limit as text (`10`, `inf`) to errors; bands without points are missing.

@@ -1,9 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Score of the movers of one sweep: dynamic points, false movers, objects.
+"""Score of the movers of one sweep: the flag `dynamic` of points, and tracked objects.
 
-Scored are the node's outputs: the flag `dynamic` and the tracked objects. An object is a mover if
-most of its scored points are dynamic in truth, and found if at least half of them are called
-dynamic.
+An object is a mover if most of its scored points are dynamic in truth, and found if at least half
+of them are called dynamic.
 """
 
 import math
@@ -25,9 +24,9 @@ _CLOSE_M: Final = 0.1
 _MIN_POINTS: Final = 20
 _MIN_GHOST_POINTS: Final = 10
 _FOUND_SHARE: Final = 0.5
-# Points between this speed and that of dynamic points are neither wrong nor missed.
+# Points between this speed and the threshold of dynamic are neither wrong nor missed.
 _CREEPING_M_S: Final = 0.25
-# Velocities count after this time of tracking, directions from this speed on.
+# Velocities count after this time of tracking, directions above this speed.
 _SETTLED_S: Final = 0.5
 _MIN_DIRECTED_M_S: Final = 1.0
 # Slower objects are static.
@@ -53,7 +52,7 @@ class LostBy(Enum):
 
     @classmethod
     def of(cls, verdict: Verdict) -> "LostBy":
-        """Returns the stage with the name of a verdict; without one, there was no object."""
+        """Returns the stage with the name of a verdict; without such a stage, `NO_OBJECT`."""
         return cls.__members__.get(verdict.name, cls.NO_OBJECT)
 
 
@@ -138,28 +137,28 @@ class TrueMotion:
 
 def mover_row(
     truth: TrueMotion,
-    said: OverGround,
+    estimate: OverGround,
     rows: NDArray[np.int64],
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None,
 ) -> MoverRow:
-    """Scores the movers of an estimate.
+    """Scores the movers of an estimate; `rows` (M,) of it belong to the points of the truth.
 
-    `rows` (M,) are those of the estimate that belong to the points of the truth; `reason_of` as in
-    `FlowEstimate`.
+    `reason_of` is as in `FlowEstimate`.
     """
-    called = said.dynamic[rows]
+    called = estimate.dynamic[rows]
     moves = truth.dynamic | (np.sqrt((truth.velocity**2).sum(axis=1)) > _CREEPING_M_S)
     counts = (called & truth.dynamic, called & ~moves, ~called & truth.dynamic)
     right, wrong, missed = (int(np.count_nonzero(each)) for each in counts)
-    tracks = np.zeros(len(rows), np.int32) if said.track_ids is None else said.track_ids[rows]
+    known = estimate.track_ids
+    tracks = np.zeros(len(rows), np.int32) if known is None else known[rows]
     return MoverRow(
         points=(right, wrong, missed),
-        num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], moves[called]),
+        num_ghosts=_num_ghosts(estimate.motion[rows][called], tracks[called], moves[called]),
         objects=[
             replace(item, lost_by=lost_by(reason_of(rows[own]), truth.mean_motion(own)))
             if reason_of is not None and item.moves and not item.is_found
             else item
-            for item, own in _object_rows(truth, called, tracks, said.objects)
+            for item, own in _object_rows(truth, called, tracks, estimate.objects)
         ],
         standing=_standing(truth, called),
     )
@@ -229,11 +228,9 @@ def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
 
 
 def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:
-    """Returns the stage that rejected a missed mover.
+    """Returns the stage that rejected a missed mover, by the reason of the decision on its points.
 
-    Args:
-        reason: The decision about its points.
-        true_motion: (3,) metres over ground until the next sweep.
+    `true_motion` is (3,) metres over ground until the next sweep.
     """
     if reason.verdict is Verdict.DYNAMIC:
         return LostBy.PARTLY
@@ -255,7 +252,7 @@ def _kind(class_id: int) -> str:
 def _velocity_errors(
     velocity: NDArray[np.float64], track: TrackedObject | None
 ) -> tuple[float, float]:
-    """Errors of length, m/s, and of direction, radians; NaN where there is nothing to judge."""
+    """Errors of velocity, m/s, and of its direction, radians; NaN if they do not count."""
     if track is None or track.age_s < _SETTLED_S - _TINY_S:
         return math.nan, math.nan
     error_m_s = float(np.linalg.norm(track.velocity - velocity))

@@ -86,7 +86,7 @@ class EvaluationOptions:
 
     @property
     def identity(self) -> dict[str, object]:
-        """Name to value of all that rows depend on."""
+        """Everything that rows depend on, by name."""
         others = {one.name for one in fields(self)} - {"settings", "pictures"}
         return {
             **self.settings.to_mapping(),
@@ -97,12 +97,12 @@ class EvaluationOptions:
     def for_methods(
         self, methods: Iterable[EvaluatedMethod], *, pairs: bool
     ) -> "EvaluationOptions":
-        """Returns the options with the sweeps that the methods look at, or two, for an example."""
+        """Returns the options with as many sweeps for an example as methods need; two for pairs."""
         number = max([self.num_sweeps, *(one.traits.num_sweeps for one in methods)])
         return replace(self, num_sweeps=_PAIR if pairs else min(number, MAX_SWEEPS))
 
     def is_indivisible(self, method: EvaluatedMethod) -> bool:
-        """Whether rows of a task depend on those before, so that it cannot be resumed halfway."""
+        """Whether rows of a task depend on earlier ones, so that it cannot be resumed halfway."""
         return self.realtime > 0 or method.traits.carries_state
 
 

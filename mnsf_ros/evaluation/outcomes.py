@@ -28,7 +28,7 @@ class Outcome:
 
     Attributes:
         example: The example.
-        result: The estimate, or in one line why there is none.
+        result: The estimate, or the reason for its absence in one line.
         time_ms: Run time of preparation and estimate; NaN if dropped.
         latency_ms: From the arrival of its next sweep to the end of the estimate; NaN if dropped,
             or if not replayed in real time.
@@ -65,10 +65,10 @@ def pushed(
 
 
 def attempted(work: Callable[[], Result]) -> Result | str:
-    """The result of work, or in one line why it failed: one bad example must not end a run.
+    """Returns the result of work, or its failure in one line: a bad example must not end a run.
 
-    Methods are other people's code, too, which may even call `sys.exit`. An interruption goes
-    through, also as the error that a library made of it.
+    Methods may be other people's code, which even calls `sys.exit`. An interruption is passed on,
+    also if a library turned it into another error.
     """
     try:
         return work()
@@ -96,12 +96,12 @@ def replayed(
     rate: float,
     clock_s: Callable[[], float] = time.perf_counter,
 ) -> Iterator[Outcome]:
-    """Estimates what the live node would have, and yields the outcome of every example.
+    """Estimates the examples that the live node would estimate, and yields an outcome for each.
 
     As in the node one worker prepares and one estimates, each behind a `LatestOnlyQueue`. Their
     clock is virtual: sweeps arrive by their stamps, at `rate` recorded seconds per second, and work
-    takes its run time by `clock_s`. Nothing actually waits, so equal run times give equal
-    drops. That both workers share the cores of a computer is left out.
+    takes its run time by `clock_s`. Nothing actually waits, so equal run times give equal drops.
+    The workers do not compete for cores.
     """
 
     def prepare(job: _Job) -> float:
@@ -135,7 +135,7 @@ def _worked(
     num_in_order: int,
     dropped: list[_Job],
 ) -> Iterator[tuple[_Job, float]]:
-    """Yields jobs with their ends by the run times of `work`; `dropped` gets the others."""
+    """Yields jobs and when each ends by the run times of `work`; `dropped` gets the others."""
     idle_from_ms = -math.inf
     waiting: LatestOnlyQueue[tuple[_Job, float]] = LatestOnlyQueue(num_in_order)
 
@@ -155,7 +155,7 @@ def _worked(
 
 
 def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[tuple[_Job, float]]:
-    """Each example with its time of arrival; the clock goes on where the recording jumps back."""
+    """Yields examples with their times of arrival; the clock goes on if a recording jumps back."""
     arrival_ms, last_ns = 0.0, None
     for example in examples:
         stamp_ns = example.triplet.next.stamp_ns

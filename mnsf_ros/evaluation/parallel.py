@@ -1,8 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tasks one after the other, in processes of this machine, or on a Ray cluster.
 
-Wherever tasks run side by side, each is a `concurrent.futures.Future` of its events. On a cluster
-the recordings must be at the same path on all machines, and this package installed there.
+Each parallel task is a `concurrent.futures.Future` of its events. On a cluster all machines need
+this package, and the recordings at the same path.
 """
 
 import logging
@@ -35,7 +35,7 @@ _ENDING_S: Final = 5.0
 def run_serially(
     tasks: Sequence[EvaluationTask], options: EvaluationOptions
 ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-    """Runs one task after the other in this process; yields each event at once."""
+    """Runs tasks one after the other in this process."""
     for task in tasks:
         for event in task_events(task, options):
             yield task, event
@@ -44,7 +44,7 @@ def run_serially(
 def executor(
     num_workers: int = 1, ray_address: str | None = None, num_gpus: float | None = None
 ) -> AbstractContextManager[Executor]:
-    """Returns the executor of tasks, for as long as its context is open.
+    """Returns the executor of tasks as a context.
 
     Args:
         num_workers: Processes on this machine.
@@ -52,8 +52,8 @@ def executor(
         num_gpus: GPU share of each task on the cluster; None: 1 if methods use CUDA, else 0.
 
     Raises:
-        EvaluationError: A number is out of range, or processes are asked for on a cluster; on
-            entering the context, the cluster cannot be reached.
+        EvaluationError: A number is out of range, or combined with a cluster; on entering the
+            context, the cluster cannot be reached.
     """
     if num_workers < 1:
         raise EvaluationError(f"workers: got {num_workers}, expected 1 or more")
@@ -71,7 +71,7 @@ def executor(
 def _events_as_tasks_end(
     futures: dict[_TaskFuture, EvaluationTask], lost: type[Exception]
 ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-    """The events of all tasks that end; then StoppedError if workers were `lost`."""
+    """Yields the events of finished tasks, then raises a StoppedError if workers were `lost`."""
     reason: Exception | None = None
     for future in as_completed(futures):
         try:
@@ -95,7 +95,7 @@ def _processes(num_workers: int) -> Iterator[Executor]:
     def execute(
         tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        # Ctrl-C reaches all processes of a terminal; workers inherit that it is not for them.
+        # Ctrl-C reaches all processes of a terminal; workers inherit that they ignore it.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             futures = {pool.submit(_events_in_process, task, options): task for task in tasks}
@@ -113,12 +113,12 @@ def _processes(num_workers: int) -> Iterator[Executor]:
         for worker in workers:
             worker.join(_ENDING_S)
             worker.kill()
-        # Waits for its thread: else Python would warn of leaked semaphores after an interruption.
+        # Without waiting, Python would warn of leaked semaphores after an interruption.
         pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:
-    """Ends this worker when its parent is gone: after SIGKILL nobody else does."""
+    """Ends this worker when its parent is gone, also after SIGKILL."""
 
     def wait() -> None:
         if (parent := multiprocessing.parent_process()) is not None:
@@ -129,7 +129,7 @@ def _end_with_parent() -> None:
 
 
 def _events_in_process(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEvent]:
-    """The events of a task; SIGTERM ends programs that it started, and then this process."""
+    """Returns the events of a task; SIGTERM ends the programs it started, then this process."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return _all_events(task, options)

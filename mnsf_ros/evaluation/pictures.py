@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Pictures for the report, drawn by the tasks: an animation of the first sweeps, the worst ones."""
+"""Pictures for the report, drawn by tasks: the worst sweeps, and an animation of the first."""
 
 import hashlib
 import heapq
@@ -24,15 +24,15 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 ANIMATION: Final = "animation.webp"
 # Frames of the animation: some seconds at most, which a page can hold.
 _NUM_FRAMES: Final = 20
-# Slower points are grey, as what networks leave of the static world.
+# Slower points are grey: networks leave some motion on static points.
 _SLOW_M_S: Final = 0.5
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a task: its file in the folder of the run, see `picture_file`, and content."""
+    """A picture of a task."""
 
-    file: str
+    file: str  # in the folder of the run, see `picture_file`
     image: bytes
 
 
@@ -43,7 +43,7 @@ def worst_name(number: int) -> str:
 
 def picture_file(recording: str, method: str, name: str) -> str:
     """Returns the path of a picture, `ANIMATION` or `worst_name`, in the folder of a run."""
-    # In a folder that any file system and locale can have, and no other task has.
+    # The name of the folder is valid in every file system and locale, and unique to the task.
     plain = f"{recording}.{method}"
     safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
     if safe != plain:
@@ -55,7 +55,7 @@ class Painter:
     """Draws the first sweeps of a task as an animation, and its worst ones."""
 
     def __init__(self, number: int, *, is_animated: bool = True) -> None:
-        """Draws so many of the worst sweeps; if any, also the animation."""
+        """Draws `number` of the worst sweeps; if any, also the animation."""
         self._number = number
         self._num_left = _NUM_FRAMES if number and is_animated else 0
         # Stamp in nanoseconds to frame.
@@ -63,9 +63,9 @@ class Painter:
         self._worst: list[tuple[float, int, Example, FlowEstimate]] = []
 
     def add(self, badness_m: float, example: Example, estimate: FlowEstimate) -> None:
-        """Takes an estimate that is so bad, NaN if unknown."""
+        """Takes an estimate with its badness, see `ResultRow`."""
         if self._number and not math.isnan(badness_m):
-            # Of equals the first ones, as in the report.
+            # Of equally bad ones the first, as in the report.
             heapq.heappush(self._worst, (badness_m, -example.number, example, estimate))
             if len(self._worst) > self._number:
                 heapq.heappop(self._worst)
@@ -75,7 +75,7 @@ class Painter:
                 self._frames[example.triplet.current.stamp_ns] = image
 
     def pictures(self, recording: str, method: str) -> Iterator[Picture]:
-        """Yields the pictures; what cannot be drawn is left out, and costs no results."""
+        """Yields the pictures that can be drawn."""
         images = {}
         if len(self._frames) > 1:
             interval_s = float(np.median(np.diff(list(self._frames)))) / NANOSECONDS
@@ -95,9 +95,9 @@ def _drawn(draw: Callable[[], bytes]) -> bytes | None:
 
 
 def sweep_picture(example: Example, estimate: FlowEstimate, *, with_errors: bool = False) -> bytes:
-    """Returns all points of a sweep by the truth, if there is one, and by the estimate, as PNG.
+    """Returns a PNG file of a sweep, coloured by the truth, if there is one, and by the estimate.
 
-    `with_errors` adds their errors from above, if there is truth.
+    `with_errors` adds the errors from above, if there is truth.
     """
     truth, known = example.truth, estimate.over_ground
     interval_s = np.float32(example.triplet.interval_s or USUAL_INTERVAL_S)
@@ -115,7 +115,7 @@ def sweep_picture(example: Example, estimate: FlowEstimate, *, with_errors: bool
 
 
 def _own_motion(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The flow (N, 3) without ego motion, which is fitted to it if it is not known."""
+    """Flow (N, 3) without ego motion, which is fitted to the flow if unknown."""
     xyz, motion = example.triplet.current.xyz, example.triplet.next_from_current
     return residual_flow(xyz, flow, fit_rigid_motion(xyz, flow) if motion is None else motion)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from mnsf_ros.errors import EvaluationError, RecordingError, plain_text
 from mnsf_ros.recording.bag_files import fingerprint
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.recording.bag_topics import UsedTopics, used_topics
 from mnsf_ros.setting import SettingValue
 
 
@@ -26,32 +26,31 @@ class EvaluatedRecording:
     fingerprint: dict[str, SettingValue]  # see `recording.bag_files`
 
     @property
+    def topics(self) -> UsedTopics:
+        """The topics that are used."""
+        return UsedTopics(self.points, self.truth, self.odometry)
+
+    @property
     def identity(self) -> dict[str, object]:
-        """Name to value of all that must not change while a run lasts; the path may."""
-        told = {name: getattr(self, name) for name in ("points", "truth", "odometry", "num_sweeps")}
-        return told | {f"fingerprint: {name}": value for name, value in self.fingerprint.items()}
+        """Everything that must not change during a run, by name; the path may."""
+        values = vars(self.topics) | {"num_sweeps": self.num_sweeps}
+        return values | {f"fingerprint: {name}": value for name, value in self.fingerprint.items()}
 
 
 def choose_topics(
     path: Path | str, name: str, points: str | None = None, odometry: str | None = None
 ) -> EvaluatedRecording:
-    """Opens a recording; returns it with its topics.
-
-    Topics that are not named are chosen: the only topic of point clouds; truth and odometry as in
-    `docs/recordings.md`, if they are there.
+    """Returns a recording with its topics: those named, the others as `used_topics`.
 
     Raises:
-        RecordingError: The recording cannot be read, there is no such topic, or there are several
-            to choose from.
+        RecordingError: The recording cannot be read, or as `used_topics`.
     """
     with BagReader(path) as reader:
         used = used_topics(reader.path, reader.topics, points, odometry)
         return EvaluatedRecording(
             name=name,
             path=str(reader.path.resolve()),
-            points=used.points,
-            truth=used.truth,
-            odometry=used.odometry,
+            **vars(used),
             num_sweeps=reader.topics[used.points].count,
             damages=[plain_text(damage) for damage in reader.damages],
             fingerprint=fingerprint(reader.path),
@@ -61,13 +60,13 @@ def choose_topics(
 def chosen_recordings(
     paths: Sequence[Path], *topics: str | None, unreadable: list[str] | None = None
 ) -> list[EvaluatedRecording]:
-    """Opens recordings, each under a name of its own; see `choose_topics` for the topics.
+    """Returns recordings with unique names and their topics, see `choose_topics`.
 
-    With a list `unreadable` the errors of those that cannot be used are added to it.
+    The errors of those that cannot be used are added to the list `unreadable`, if there is one.
 
     Raises:
         EvaluationError: The same recording is named twice.
-        RecordingError: One of them cannot be used; with a list, none of them.
+        RecordingError: A recording cannot be used; with a list: none can.
     """
     found: list[EvaluatedRecording] = []
     for name, path in named_recordings(paths):
@@ -81,7 +80,7 @@ def chosen_recordings(
 
 
 def named_recordings(paths: Sequence[Path]) -> list[tuple[str, Path]]:
-    """Returns each path with a name: its last part, or all of it if need be.
+    """Returns each path with a unique name: its last part if possible, else all of it.
 
     Raises:
         EvaluationError: The same recording is named twice.

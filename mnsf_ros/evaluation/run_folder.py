@@ -1,16 +1,15 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 r"""The folder of a run: `run.json` (its record) and `rows.jsonl` (its results, one row per line).
 
-Rows are added while a run lasts, so that an interruption costs nothing but the line being written.
-A task is finished if the record says so and all of its rows are there.
+Rows are added during the run, so that an interruption costs nothing but the line being written.
+A task is finished if the record lists it and all of its rows are there.
 
-All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
-written as `\udcff`, which is read back from JSON as it was. Numbers that are not finite are `null`.
+All files are UTF-8 in every locale. Bytes of paths that are not UTF-8 are written as `\udcff`,
+which JSON reads back unchanged. Numbers that are not finite are `null`.
 """
 
 import json
 import math
-import os
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +20,7 @@ from typing import Any, Final, TypeVar
 
 import cattrs
 
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import DatasetError, EvaluationError
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -29,6 +28,7 @@ from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.evaluation.task import FinishedTask, TaskEvent
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps_io.files import new_file
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
@@ -38,17 +38,13 @@ Kind = TypeVar("Kind")
 
 
 class StoppedError(EvaluationError):
-    """A run cannot go on, as on a full disk; `--resume` does the rest after what is finished."""
+    """A run cannot go on, for example because the disk is full; `--resume` continues it."""
 
 
 class RunFolder:
     """Reads the files of a run, and adds to them: `begin`, then `take`.
 
-    Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
-    a StoppedError if that fails.
-
-    Attributes:
-        path: The folder.
+    A missing or damaged file raises an EvaluationError, a failed write a StoppedError.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,11 +54,11 @@ class RunFolder:
     def begin(self, record: RunRecord, *, resume: bool) -> list[EvaluationTask]:
         """Writes the record of the run; returns the tasks that are left to do.
 
-        A resumed run may have more recordings and methods. Its unfinished tasks go on after the
-        rows that are there, or start again if a row depends on those before it.
+        A resumed run may have more recordings and methods. Its unfinished tasks continue after the
+        rows that are there, or start again if rows depend on earlier ones.
 
         Raises:
-            EvaluationError: The folder holds something and `resume` is not set, or no run, or a
+            EvaluationError: The folder is not empty and `resume` is not set, or it has no run, or a
                 run with other settings or another recording of the same name.
         """
         check_folder(self.path, resume=resume)
@@ -78,7 +74,7 @@ class RunFolder:
         again = {task.key for task in left if record.options.is_indivisible(task.method)}
         rows = [row for row in rows if row.task not in again]
         if self._rows.exists():
-            # Without the line that was being written when a process was killed.
+            # Removes the line that was being written when a process was killed.
             replace_file(self._rows, "".join(f"{to_json(row)}\n" for row in rows))
         self._write(whole)
         known: dict[TaskKey, set[int]] = defaultdict(set)
@@ -101,9 +97,9 @@ class RunFolder:
             replace_file(file, event.image)
 
     def read(self) -> tuple[RunRecord, list[ResultRow]]:
-        """Returns the record of the run, and the rows in the order in which they got ready.
+        """Returns the record of the run, and the rows in the order of their writing.
 
-        Tasks that have lost a row are not finished.
+        Tasks that lack a row are not finished.
         """
         file = self.path / RUN_FILE
         if not file.exists():
@@ -124,10 +120,10 @@ class RunFolder:
 
 
 def check_folder(out: Path, *, resume: bool) -> None:
-    """Makes sure that nothing would be overwritten.
+    """Checks that nothing would be overwritten.
 
     Raises:
-        EvaluationError: The folder holds something and `resume` is not set, or is none.
+        EvaluationError: It is not a folder, or it is not empty and `resume` is not set.
     """
     if out.exists() and not out.is_dir():
         raise EvaluationError(f"{out}: is not a folder")
@@ -136,23 +132,18 @@ def check_folder(out: Path, *, resume: bool) -> None:
 
 
 def replace_file(file: Path, content: str | bytes) -> None:
-    """Writes a file so that it is there as a whole, the old or the new one, at any time.
+    """Writes a file, or leaves the old one as it is.
 
     Raises:
-        StoppedError: That fails; the old file is still there.
+        StoppedError: Writing fails.
     """
     if isinstance(content, str):
         content = content.encode("utf-8", "backslashreplace")
-    draft = file.with_name(f".{file.name}.new")
-    with _writing(file):
-        try:
-            with draft.open("wb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            draft.replace(file)
-        finally:
-            draft.unlink(missing_ok=True)
+    try:
+        with new_file(file, overwrite=True) as draft:
+            draft.write_bytes(content)
+    except DatasetError as error:
+        raise StoppedError(str(error)) from error
 
 
 def to_json(value: object, *, indent: int | None = None) -> str:
@@ -176,7 +167,7 @@ def from_json(text: str, kind: type[Kind], place: str) -> Kind:
 
 
 def _holds_something(out: Path) -> bool:
-    """Whether there is more in a folder than drafts."""
+    """Whether a folder has files other than drafts."""
     return out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir())
 
 
@@ -190,7 +181,7 @@ def _writing(file: Path) -> Iterator[None]:
 
 
 def _text_of(file: Path) -> str:
-    """The content of a file, empty if there is none; a pipe or device would keep us waiting."""
+    """Returns the content of a file, empty if there is none; reading a pipe might never end."""
     if not file.exists():
         return ""
     if not file.is_file():

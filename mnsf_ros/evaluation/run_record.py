@@ -24,18 +24,15 @@ from mnsf_ros.settings import Settings
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
-# Another preset changes dozens of settings; a few of them say as much.
-_MAX_TOLD: Final = 5
+# Another preset changes dozens of settings.
+_MAX_CHANGES: Final = 5
 
 # Time, command line, versions, machine and commit of one start of a run: name to text.
 Session = dict[str, str]
 
 
 def session_now(arguments: Sequence[str]) -> Session:
-    """Returns the facts of a session that starts now, the command quoted for a shell.
-
-    There is no GPU in the machine unless PyTorch is loaded.
-    """
+    """Returns the facts of a session that starts now; the GPU only if PyTorch is loaded."""
     parts = (platform.node(), _processor(), f"{os.cpu_count()} cores", _gpu())
     return {
         "started": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
@@ -51,20 +48,12 @@ def session_now(arguments: Sequence[str]) -> Session:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Options, methods, recordings and sessions of a run.
-
-    Attributes:
-        options: All that its rows depend on, apart from recording and method.
-        methods: Its methods, in the order of the tables.
-        recordings: Its recordings.
-        sessions: Facts of its starts, at least one, see `session_now`.
-        finished: The tasks that are finished.
-    """
+    """Options, methods, recordings and sessions of a run."""
 
     options: EvaluationOptions
-    methods: list[EvaluatedMethod]
+    methods: list[EvaluatedMethod]  # in the order of the tables
     recordings: list[EvaluatedRecording]
-    sessions: list[Session]
+    sessions: list[Session]  # at least one
     finished: list[FinishedTask] = field(default_factory=list)
 
     @property
@@ -74,13 +63,13 @@ class RunRecord:
 
     @property
     def references(self) -> frozenset[str]:
-        """Names of the methods that are rows to compare with, no rivals of the others."""
+        """Names of the methods that are only references for comparison."""
         return frozenset(method.name for method in self.methods if method.traits.is_reference)
 
     def used_settings(self, method: str) -> tuple[Settings, str, dict[str, SettingValue]]:
-        """Returns the settings of a method, the nearest preset, and what was set explicitly.
+        """Returns the settings of a method, the nearest preset, and the settings that differ.
 
-        That is told whatever the values, but not what the evaluator has set.
+        Explicit settings count as different whatever their values; those of the evaluator never.
         """
         own = settings_for(method, self.options.settings)
         return own, *nearest_preset(own, SET_BY_EVALUATOR, own.explicit)
@@ -89,16 +78,15 @@ class RunRecord:
         """Returns the record of a resumed run, which may have more recordings and methods.
 
         Raises:
-            EvaluationError: The settings, or a recording of the same name, are others than before.
+            EvaluationError: The settings, or a recording of the same name, differ.
         """
-        told = _differences(before.options.identity, self.options.identity)
-        if told:
-            raise EvaluationError(f"{folder}: holds a run with other settings: {told}")
+        if changes := _differences(before.options.identity, self.options.identity):
+            raise EvaluationError(f"{folder}: holds a run with other settings: {changes}")
         recordings = {recording.name: recording for recording in before.recordings}
         for new in self.recordings:
             old = recordings.get(new.name, new)
-            if told := _differences(old.identity, new.identity):
-                raise EvaluationError(f"{folder}: holds another recording {new.name!r}: {told}")
+            if changes := _differences(old.identity, new.identity):
+                raise EvaluationError(f"{folder}: holds another recording {new.name!r}: {changes}")
             recordings[new.name] = new
         return RunRecord(
             options=before.options,
@@ -110,15 +98,16 @@ class RunRecord:
 
 
 def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> str:
-    """The first few changes as text; empty if there are none."""
+    """Returns the first few changes as text; empty if there are none."""
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
-    told = [f"{name} was {before.get(name)}, is {now.get(name)}" for name in names[:_MAX_TOLD]]
-    more = len(names) - len(told)
-    return "; ".join([*told, *([f"and {more} more"] if more else [])])
+    parts = [f"{name} was {before.get(name)}, is {now.get(name)}" for name in names[:_MAX_CHANGES]]
+    if (more := len(names) - len(parts)) > 0:
+        parts.append(f"and {more} more")
+    return "; ".join(parts)
 
 
 def _git_commit() -> str:
-    """The commit, with `+changes` if there are any; empty without a checkout of its own."""
+    """Commit, with `+changes` if there are any; empty if this package is not in a checkout."""
     is_stored = _git("ls-files", "--error-unmatch", __file__)
     describe = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
     return _git(*describe) if is_stored else ""
@@ -143,7 +132,7 @@ def _version(package: str) -> str:
 
 
 def _gpu() -> str:
-    """Name of the GPU; methods that use it have loaded PyTorch, which takes seconds."""
+    """Name of the GPU, empty without one. PyTorch is not imported here: that takes seconds."""
     torch = sys.modules.get("torch")
     return torch.cuda.get_device_name() if torch and torch.cuda.is_available() else ""
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Rows of results, one for each method and example: from an example and its flow to its scores."""
+"""Scores of an estimate of an example: one row of results for each method and example."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -83,7 +83,7 @@ class ResultRow:
 
     @property
     def badness_m(self) -> float:
-        """Figure that sweeps are ranked by, metres: EPE, or without truth the landing distance."""
+        """Rank of a sweep among the worst, metres: EPE, or without truth the landing distance."""
         errors = self.errors.get("all")
         if errors is not None and errors.num_points > 0:
             return errors.epe_m
@@ -100,11 +100,11 @@ class ResultRow:
         return self.failure not in (None, DROPPED)
 
 
-# Ego motion is fitted to at least so many static points, with a second largest standard deviation
-# of at least so much: fewer, closer or collinear points do not determine it.
+# Static points determine the ego motion if there are this many, with a second largest standard
+# deviation of this much: not if they are close together or collinear.
 _MIN_STANDING = 20
 _MIN_SPREAD_M = 1.0
-# Ego motion is fitted to so many parts of a sweep, by the times of their points.
+# Ego motion is fitted to this many parts of a sweep, by the times of their points.
 _NUM_TIMES = 12
 
 
@@ -126,7 +126,7 @@ def scored_row(
     """Scores an estimate that took `time_ms` of wall time.
 
     Raises:
-        EvaluationError: It is no estimate, or its flow does not have one row for each point, or is
+        EvaluationError: It is not an estimate, its flow does not have one row for each point, or is
             not finite for a kept point.
     """
     if not isinstance(estimate, FlowEstimate):
@@ -167,9 +167,9 @@ def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
 def true_motion(
     example: Example, truth: FlowTruth, rows: NDArray[np.int64]
 ) -> tuple[TrueMotion, NDArray[np.float64]]:
-    """Returns the true motion of some points (M,) over ground, and its length (M,) in metres.
+    """Returns the true motion of some points (M,) over ground, and its length (M,).
 
-    The length is that until the next sweep. The truth must be valid for all points.
+    The length is in metres until the next sweep. The truth must be valid for all points.
     """
     current, odometry = example.triplet.current, example.triplet.next_from_current
     truth, xyz = truth.of_points(rows), current.xyz[rows]
@@ -187,7 +187,7 @@ def true_motion(
 def _of_one_time(
     times_s: NDArray[np.float32] | None, number: int
 ) -> list[slice] | list[NDArray[np.int64]]:
-    """Parts of a sweep by time, as ego motion changes in a bend; one part without times."""
+    """Returns parts of a sweep by time, as ego motion changes in a bend; one without times."""
     if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
         return [slice(None)]
     return np.array_split(np.argsort(times_s, kind="stable"), _NUM_TIMES)
@@ -247,13 +247,12 @@ def _with_errors(
 def landing_distances(
     triplet: SweepTriplet, flow: NDArray[np.float32], points: NDArray[np.bool_]
 ) -> dict[str, float]:
-    """Returns the distances of moved and of unmoved points to the next sweep.
+    """Returns the mean distance of points to the nearest point of the next sweep, metres.
 
     `flow` is (N, 3) metres, finite at the measured `points` (N,).
 
     Returns:
-        `nearest_m` and, for zero flow, `zero_nearest_m`: mean distance to the nearest point of the
-        next sweep. Empty if either sweep has no points.
+        `nearest_m` and, for zero flow, `zero_nearest_m`; empty if either sweep has no points.
     """
     rows, next_xyz = np.flatnonzero(points), triplet.next.kept_xyz
     if len(rows) == 0 or len(next_xyz) == 0:

@@ -61,7 +61,6 @@ _TYPES: Final = {"moves": bool, "is_found": bool, "time_s": float} | dict.fromke
 def row_table(rows: Iterable[ResultRow]) -> pd.DataFrame:
     """Returns a table with one line for each row; the column `row` has the row itself."""
     rows = list(rows)
-    # Objects of a sweep are no columns.
     table = pd.json_normalize([asdict(replace(row, movers=None)) for row in rows])
     if table.empty:
         table = pd.DataFrame(columns=[field.name for field in fields(ResultRow)])
@@ -127,7 +126,7 @@ def groups_in(own: pd.Series, field: str) -> list[str]:
 def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
     """Returns the scores over the rows of one method, in any order; empty without movers.
 
-    NaN stands where there is nothing to judge.
+    NaN: not applicable.
 
     Returns:
         * `precision`, `recall`, `iou` of the points called dynamic;
@@ -136,11 +135,11 @@ def _summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
         * `velocity_error_m_s` and `direction_error_deg`, medians over tracked objects and sweeps;
         * `after_stop_s`, longest time that an object was called a mover after it had stopped; NaN
           if nothing stopped in view;
-        * of each of `MOVER_GROUPS` with movers, `NAME.num_movers` (each time that one comes into
-          view), `NAME.num_sweeps` (sweeps of all movers after their grace period), `NAME.found`
-          (share of these in which the mover was found), `NAME.flicker` (share of all sweeps in
-          which a mover is lost that was found before and is after), `NAME.delay_s` (mean time from
-          coming into view until found, or until out of view);
+        * for each of `MOVER_GROUPS` with movers, `NAME.num_movers` (counted each time they come
+          into view), `NAME.num_sweeps` (mover-sweeps after the grace period), `NAME.found` (share
+          of these with detection), `NAME.flicker` (share of all mover-sweeps without detection
+          between others with it), `NAME.delay_s` (mean time from coming into view until found, or
+          until out of view);
         * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection.
     """
     scored = _scored(rows)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""One task: one method on one recording. Tasks know nothing of each other, so any may run them."""
+"""One task: one method on one recording. Tasks are independent of each other."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -12,11 +12,11 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, plain_text
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.scoring import ResultRow, failed_row, scored_row
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
 from mnsf_ros.methods import make_method
@@ -27,16 +27,15 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 @dataclass(frozen=True)
 class FinishedTask:
-    """End of one method on one recording, and what was noticed."""
+    """End of one method on one recording, with events and damage."""
 
     recording: str
     method: str
     num_examples: int = 0
     counts: dict[str, int] = field(default_factory=dict)  # of events
     damages: list[str] = field(default_factory=list)  # parts that could not be read
-    # What does not fit in the input: assumption to finding.
-    findings: dict[str, str] = field(default_factory=dict)
-    failure: str | None = None  # why it was given up, in one line; a resumed run tries again
+    findings: dict[str, str] = field(default_factory=dict)  # violated assumptions on the input
+    failure: str | None = None  # reason for giving up, in one line; a resumed run tries again
 
     @property
     def key(self) -> TaskKey:
@@ -48,7 +47,7 @@ TaskEvent = ResultRow | Picture | FinishedTask
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
-    """Yields the events of one task, which ends also after an error of ours."""
+    """Yields the events of one task; an MnsfError becomes the last event."""
     try:
         yield from run_task(task, options)
     except MnsfError as error:
@@ -91,7 +90,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
 def _chosen(
     examples: Iterable[Example], task: EvaluationTask, options: EvaluationOptions
 ) -> Iterator[tuple[Example, bool]]:
-    """The examples that have no row yet, and whether each is scored."""
+    """Yields the examples that have no row yet, and whether each is scored."""
     for place, example in enumerate(islice(examples, options.every * options.max_examples or None)):
         if example.number not in task.skipped:
             yield example, place % options.every == 0
@@ -118,7 +117,7 @@ def _row(outcome: Outcome, stream: Stream) -> ResultRow:
     if not stream.traits.is_timed:
         time_ms = math.nan
     elif isinstance(result, FlowEstimate) and result.times_ms:
-        # The sum of its stages: a program that runs a network reports it without its start.
+        # The sum of its stages: external programs report their time without their start.
         time_ms = result.time_ms
     row = attempted(lambda: scored_row(example, stream.method, result, time_ms))
     if isinstance(row, str):
@@ -130,13 +129,13 @@ _FEW_STEPS: Final = {
     "optimization.max_iterations": 2,
     "fusion.max_iterations": 2,
     "warm_start.enabled": False,
-    # The points below are near.
+    # The points of `warm_up` are near.
     "crop.min_range_m": 0.0,
 }
 
 
 def warm_up(method: str, settings: Settings) -> None:
-    """Lets a method estimate a small triplet once; nothing of it is kept.
+    """Lets a method estimate a small triplet once, so that later times have no first calls.
 
     Raises:
         SettingsError: There is no such method, or the settings do not suit it.

@@ -6,7 +6,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mnsf_ros.compiled import compiled
 
@@ -102,7 +101,7 @@ def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float6
     source, moved = source[near], moved[near]
     motion = _kabsch(source, moved, np.ones(len(source)))
     motion = _refitted(source, moved, motion, _l1_weights, 1e-4)
-    motion = _refitted(source, moved, motion, _tukey_weights, 1e-9)
+    motion = _refitted(source, moved, motion, _tukey_weights, _MIN_SCALE_M / 100)
     motion[:3, 3] += center - motion[:3, :3] @ center
     return motion
 
@@ -116,7 +115,8 @@ def _refitted(
 ) -> NDArray[np.float64]:
     """Returns the motion refitted with weights of its residuals until it converges."""
     for _ in range(_MAX_ITERATIONS):
-        residuals = np.linalg.norm(source @ motion[:3, :3].T + motion[:3, 3] - moved, axis=1)
+        off = source @ motion[:3, :3].T + motion[:3, 3] - moved
+        residuals = np.sqrt(np.einsum("ij,ij->i", off, off))
         last, motion = motion, _kabsch(source, moved, weights_of(residuals))
         if np.abs(motion - last).max() < tolerance:
             break
@@ -136,14 +136,18 @@ def _kabsch(
     source: NDArray[np.float64], moved: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns the (4, 4) rigid motion of least weighted squares from source to moved (N, 3)."""
-    weights = weights / weights.sum()
-    source_center, moved_center = weights @ source, weights @ moved
-    around, turned = source - source_center, moved - moved_center
+    pairs = np.hstack([source, moved])
+    weighted = pairs * (weights / weights.sum())[:, None]
+    centers = weighted.sum(axis=0)
+    # Not around the centers first: the sweeps are around their middle, which is exact enough.
+    products = weighted.T @ pairs - np.outer(centers, centers)
     motion = np.eye(4)
-    spread = np.linalg.svd((around * weights[:, None]).T @ around, compute_uv=False)
+    spread = np.linalg.svd(products[:3, :3], compute_uv=False)
     if spread[1] > spread[0] * _MIN_SPREAD_RATIO**2:
-        turn, _ = Rotation.align_vectors(turned, around, weights=weights)
-        motion[:3, :3] = turn.as_matrix()
+        left, _, right = np.linalg.svd(products[3:, :3])
+        left[:, 2] *= np.sign(np.linalg.det(left @ right))
+        motion[:3, :3] = left @ right
+    source_center, moved_center = np.split(centers, 2)
     motion[:3, 3] = moved_center - motion[:3, :3] @ source_center
     return motion
 

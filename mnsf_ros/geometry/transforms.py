@@ -34,6 +34,12 @@ def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
     )
 
 
+def turned_yaw(turn: FloatArray, yaw: float) -> float:
+    """Returns the yaw, as seen in axes turned by (3, 3), of a horizontal direction of yaw `yaw`."""
+    x, y, _ = turn @ (math.cos(yaw), math.sin(yaw), 0.0)
+    return math.atan2(y, x)
+
+
 def tilt(pitch: float, roll: float) -> FloatArray:
     """Returns the (4, 4) rotation by `roll` about x, then by `pitch` about y, in radians."""
     cos_p, sin_p = math.cos(pitch), math.sin(pitch)

@@ -45,16 +45,10 @@ class BrickDistance:
     def __init__(
         self, points: torch.Tensor, cell_size_m: float, reach_m: float, max_cells: int
     ) -> None:
-        """Builds the transform.
-
-        Args:
-            points: (N, 3) metres, on the device of the lookups.
-            cell_size_m: Distance between nodes.
-            reach_m: Larger distances count as this one.
-            max_cells: Maximum number of cells of all bricks.
+        """Builds the transform to (N, 3) points, metres; distances beyond the reach count as it.
 
         Raises:
-            BrickLimitError: There would be more cells, or points are too far from the origin.
+            BrickLimitError: It needs more cells, or points are too far from the origin.
         """
         self._cell_size_m, self._reach_m = cell_size_m, reach_m
         if not bool((points.abs() < _MAX_NODE * cell_size_m).all()):
@@ -115,7 +109,7 @@ class _Bricks:
 
     @classmethod
     def of_nodes(cls, nodes: torch.Tensor, far: int, max_bricks: int) -> "_Bricks":
-        """The bricks that have target nodes, (N, 3), inside.
+        """The bricks that contain target nodes (N, 3).
 
         Raises:
             BrickLimitError: There are too many, or the ball around one node has too many.
@@ -141,10 +135,7 @@ class _Bricks:
         """One pass: the minimum of square plus squared offset, along the first axis.
 
         The last node of a brick along this axis, unknown before, is known afterwards. The axis
-        becomes the last one.
-
-        Args:
-            step: From the key of a brick to the key of the next one along the axis.
+        becomes the last one. `step` is the difference between the keys of neighbours along it.
 
         Raises:
             BrickLimitError: There would be too many bricks.

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """D(p, S) up to a reach on a CPU: the nearest point, searched in the cells around a position.
 
-Ready in a hundredth of the time of a distance transform: for a few thousand lookups a sweep.
+It is built in a hundredth of the time of a distance transform: for a few thousand lookups a sweep.
 """
 
 from typing import Any
@@ -18,7 +18,6 @@ class CellSearch:
     kind = "cells"
 
     def __init__(self, points: torch.Tensor, reach_m: float) -> None:
-        """Sorts (N, 3) points, metres, on the CPU. Larger distances count as the reach."""
         # PointGrid has one reach; for others the points are scaled.
         self._scale = REACH_M / reach_m
         self._grid = PointGrid((self._scale * points).numpy())

@@ -52,16 +52,10 @@ class DistanceTransform:
         self.high = self.low + (self.distances.new_tensor(shape) - 1) * cell_size_m
 
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
-        """Distance of positions to the sweep.
+        """Distances (M,) of positions (M, 3) to the sweep, metres, differentiable.
 
         Outside the grid it is the distance to the grid plus the value at its border: never less
         than the true distance, up to the rounding to cells, and still pulling back inside.
-
-        Args:
-            positions: (M, 3) metres.
-
-        Returns:
-            (M,) metres, differentiable.
         """
         inside = torch.minimum(torch.maximum(positions, self.low), self.high)
         unit = 2 * (inside - self.low) / (self.high - self.low) - 1  # [M, 3] in -1..1

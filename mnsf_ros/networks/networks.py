@@ -26,11 +26,8 @@ class Perceptron(nn.Module):
     """A multilayer perceptron: (M, C) in, (M, 3) out, such as positions and flow in metres.
 
     Hidden layers are each followed by a ReLU, the output layer is not; the "8-layer" network of
-    the paper has 8 hidden layers and 9 linear ones. Weights start uniformly after Xavier, biases
-    at zero.
-
-    Attributes:
-        precision: Of the products between hidden layers, see `layer_precision`.
+    the paper has 8 hidden layers and 9 linear ones. Weights start uniformly after Xavier, from a
+    generator on the CPU, biases at zero. `precision` is that of the products between hidden layers.
     """
 
     def __init__(
@@ -40,14 +37,6 @@ class Perceptron(nn.Module):
         num_inputs: int = 3,
         precision: torch.dtype = torch.float32,
     ) -> None:
-        """Makes a fresh network.
-
-        Args:
-            settings: Number and width of the hidden layers.
-            generator: Source of the start weights, on the CPU.
-            num_inputs: Columns of the input.
-            precision: Of the products between hidden layers.
-        """
         super().__init__()
         widths = [num_inputs, *[settings.hidden_width] * settings.num_hidden_layers, 3]
         self._layers = nn.ModuleList(
@@ -67,11 +56,7 @@ class Perceptron(nn.Module):
         return self
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """The output for each row.
-
-        The first layer, which takes metres, and the last, which gives them, are as precise as
-        their weights; those between have the precision.
-        """
+        """The output for each row; the first and the last layer are as precise as their weights."""
         first, *hidden, last = ((layer.weight, layer.bias) for layer in self.linear_layers)
         values = functional.linear(rows, *first)
         for weights, biases in hidden:
@@ -89,14 +74,11 @@ def num_encoded(num_octaves: int) -> int:
 
 
 def encoded(positions: torch.Tensor, num_octaves: int) -> torch.Tensor:
-    """Encodes positions, so that a network learns local changes of flow faster.
-
-    Args:
-        positions: (M, 3) metres.
-        num_octaves: Wavelengths of 2 m, 4 m, 8 m ...; 0: none.
+    """Encodes positions (M, 3), metres, so that a network learns local changes of flow faster.
 
     Returns:
-        (M, 3 + 4 num_octaves), about 1: x, y, z, then sines and cosines of x and y.
+        (M, 3 + 4 num_octaves), about 1: x, y, z, then sines and cosines of x and y with wavelengths
+        of 2 m, 4 m, 8 m ...
     """
     waves = _SHORTEST_M * 2.0 ** torch.arange(num_octaves, device=positions.device)
     angles = (2 * torch.pi * positions[:, None, :2] / waves[:, None]).flatten(1)
@@ -119,19 +101,17 @@ def evaluate(network: nn.Module, rows: torch.Tensor) -> torch.Tensor:
 def invert_motion(backward_flow: torch.Tensor, interval_ratio: float = 1.0) -> torch.Tensor:
     """Inverts motion under the constant model of the paper (section 3): f' = -b.
 
-    Args:
-        backward_flow: (N, 3) metres, from t to t-1.
-        interval_ratio: Time from t to t+1 over time from t-1 to t. With equal intervals, as in
-            the paper, this is 1; a point of constant velocity moves that much farther.
-
-    Returns:
-        (N, 3) metres, from t to t+1.
+    Flow is (N, 3) metres, from t to t-1, and from t to t+1. The ratio is the time from t to t+1
+    over that from t-1 to t, 1 in the paper.
     """
     return -interval_ratio * backward_flow
 
 
 class MlpFusion(nn.Module):
-    """The fusion of the paper: a perceptron from (f, f') to the flow, shared by all points."""
+    """The fusion of the paper: a perceptron from (f, f') to the flow, shared by all points.
+
+    As of all fusions, the input has K flows side by side, (M, 3 K) metres, the output is (M, 3).
+    """
 
     def __init__(
         self,
@@ -146,7 +126,7 @@ class MlpFusion(nn.Module):
         self._layers = Perceptron(settings, generator, num_inputs, precision)
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
-        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        """Fuses flows."""
         inputs = _apart(flows).sum(dim=1) if self._takes_sum else flows
         return self._layers(inputs)
 
@@ -156,11 +136,7 @@ class MlpFusion(nn.Module):
 
 
 class CorrectedMean(nn.Module):
-    """The mean of the flows plus what a fusion adds, which is nothing at the start.
-
-    Attributes:
-        correction: The fusion of the paper.
-    """
+    """The mean of the flows plus a correction by the fusion of the paper, zero at the start."""
 
     def __init__(self, correction: MlpFusion) -> None:
         super().__init__()
@@ -168,14 +144,14 @@ class CorrectedMean(nn.Module):
         correction.start_at_zero()
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
-        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        """Fuses flows."""
         return _apart(flows).mean(dim=1) + self.correction(flows)
 
 
 class WeightedSumFusion(nn.Module):
     """W f + (I - W) f' with one learned 3 x 3 matrix W for all points; starts at the mean.
 
-    Of K flows each but the last has such a matrix, and the last gets what is left.
+    Of K flows, each but the last has such a matrix; the last has the rest to I.
     """
 
     def __init__(self, num_flows: int = 2) -> None:
@@ -184,7 +160,7 @@ class WeightedSumFusion(nn.Module):
         self._weights = nn.Parameter(torch.eye(3).repeat(1, num_flows - 1) / num_flows)
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
-        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        """Fuses flows."""
         apart = _apart(flows)
         last = apart[:, -1]
         above_last = (apart[:, :-1] - last[:, None]).flatten(1)  # [M, 3 (K - 1)]
@@ -195,7 +171,7 @@ class MeanFusion(nn.Module):
     """(f + f') / 2. Nothing to learn."""
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
-        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        """Fuses flows."""
         return _apart(flows).mean(dim=1)
 
 

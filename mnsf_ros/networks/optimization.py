@@ -28,31 +28,18 @@ _UNRECORDED_STEPS = 3
 
 @dataclass(frozen=True)
 class Schedule:
-    """Steps of the optimization of one network.
-
-    Attributes:
-        max_iterations: Maximum number of steps.
-        learning_rate: Step size at the start.
-        decay: Whether the step size falls to zero along a cosine.
-        patience: Steps without improvement before it counts as converged; 0: any number.
-        min_delta_m: A smaller fall of the loss is no improvement.
-        deadline: `time.monotonic()` value after which no further step starts.
-        cancelled: Asked before each step; True abandons the estimate.
-        records_steps: Whether CUDA may record a step and replay it.
-        keep_best: Whether to return to the weights of the lowest loss.
-        weight_decay: Of Adam.
-    """
+    """Steps of the optimization of one network."""
 
     max_iterations: int
-    learning_rate: float
-    decay: bool = False
-    patience: int = 0
-    min_delta_m: float = 0.0
-    deadline: float = math.inf
-    cancelled: Callable[[], bool] = lambda: False
-    records_steps: bool = True
-    keep_best: bool = True
-    weight_decay: float = 0.0
+    learning_rate: float  # step size at the start
+    decay: bool = False  # of the step size to zero, along a cosine
+    patience: int = 0  # steps without improvement until it counts as converged; 0: any number
+    min_delta_m: float = 0.0  # smallest decrease of the loss that is an improvement
+    deadline: float = math.inf  # of `time.monotonic()`, after which no further step starts
+    cancelled: Callable[[], bool] = lambda: False  # asked before each step
+    records_steps: bool = True  # whether CUDA may record a step and replay it
+    keep_best: bool = True  # whether to return to the weights of the lowest loss
+    weight_decay: float = 0.0  # of Adam
 
     def learning_rate_at(self, iteration: int) -> float:
         """Step size of an iteration, counted from 0."""
@@ -67,17 +54,13 @@ LossOf: TypeAlias = Callable[[], torch.Tensor | tuple[torch.Tensor, torch.Tensor
 
 
 def minimize(network: nn.Module, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
-    """Optimizes a network in place; one without weights stays as it is.
+    """Optimizes a network, or a list of several, in place; one without weights stays as it is.
 
-    Args:
-        network: The network, or a list of several.
-        loss_of: Computes the current loss, as a rule in metres. It must not read a value of the
-            device.
-        schedule: Number and size of the steps, and when to stop.
+    `loss_of` must not read a value of the device.
 
     Raises:
         OptimizationError: If a loss is not finite and there are no better weights to return to.
-        CancelledError: If the schedule's `cancelled` says so.
+        CancelledError: If `cancelled` of the schedule returns True.
     """
     weights = list(network.parameters())
     if not weights:
@@ -114,9 +97,9 @@ def _take_steps(fit: "_Fit", schedule: Schedule) -> None:
 
 
 class _Adam:
-    """Adam on the weights of one fit.
+    """Adam on the weights of one fit, by a function of PyTorch.
 
-    The function of PyTorch, not its class: the class imports a compiler, 75 MB of memory.
+    The class of PyTorch imports a compiler, which takes 75 MB of memory.
     """
 
     def __init__(self, weights: Sequence[torch.Tensor], weight_decay: float) -> None:

@@ -29,15 +29,10 @@ class TargetDistance:
 
     @classmethod
     def to_points(cls, points: torch.Tensor, settings: DistanceSettings) -> "TargetDistance":
-        """Builds the distance to a sweep as the settings ask.
+        """Builds the distance to a sweep, (N, 3) float32 metres, of the kind in the settings.
 
-        A grid that would be too large for memory, as one stray point far away makes it, is
-        replaced by bricks if the distance is truncated. What is too large for these, too, is
-        replaced by the tree, which costs the same for any extent.
-
-        Args:
-            points: (N, 3) float32, metres, the target sweep.
-            settings: Kind, cell size, the largest grid allowed, the truncation.
+        A grid that is too large, for example because of a stray point far away, is replaced by
+        bricks if the distance is truncated, and these by the tree, which works for any extent.
         """
         return cls(_lookup_to(points, settings), settings.truncation_m)
 
@@ -98,7 +93,7 @@ class NearestNeighborDistance:
     def nearest_indices(self, positions: torch.Tensor) -> torch.Tensor:
         """Row of the nearest target point: (M, 3) metres, without gradient, to (M,)."""
         if self._tree is not None:
-            # The tree refuses NaN and infinity; any neighbour will do for a distance that is none.
+            # The tree refuses NaN and infinity; their distances are not finite with any neighbour.
             _, indices = self._tree.query(positions.nan_to_num().numpy())
             return torch.from_numpy(indices)
         # The nearest q has the smallest |q|^2 - 2 p q: one matrix product. In float32 it would be

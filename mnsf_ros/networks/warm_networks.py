@@ -59,12 +59,7 @@ class WarmNetworks:
         return encoded(positions, self._num_octaves)
 
     def fit(self, stage: str, loss_of: LossOf, schedule: Schedule) -> OptimizationResult:
-        """Takes some steps with one of the networks, from where it is.
-
-        Raises:
-            OptimizationError: If the loss is not finite.
-            CancelledError: If the schedule says so.
-        """
+        """Optimizes one of the networks further, see `minimize`."""
         result = minimize(self.networks[stage], loss_of, schedule)
         self.fitted.add(stage)
         return result

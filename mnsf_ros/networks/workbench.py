@@ -91,9 +91,9 @@ class Workbench:
         device: Device of the networks and the points.
         generator: The only source of randomness, on the CPU.
         triplet: The sweeps before their preparation.
-        current: The sweep whose flow is estimated.
+        current: The sweep at t, whose flow is estimated.
         next: The sweep at t+1.
-        before: The sweeps at t-1, t-2 ..., `num_before` of them.
+        before: The sweeps at t-1, t-2 ...
         points: (M, 3) metres, points of the current sweep for fits.
         fits: Stage to result of its optimization.
     """
@@ -111,14 +111,9 @@ class Workbench:
         num_before: int = 0,
         cancelled: Callable[[], bool] = never,
     ) -> None:
-        """Prepares the sweeps and chooses the points to fit to.
+        """Prepares the current, the next and `num_before` earlier sweeps; chooses points to fit to.
 
-        Args:
-            triplet: At least a current and a next sweep.
-            settings: All settings.
-            prepared: Prepared sweeps of the last triplet; those of this one take their place.
-            num_before: Number of sweeps before the current one.
-            cancelled: Asked before each step of a fit.
+        `prepared` has the sweeps prepared for the last triplet; these take their place.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
@@ -188,12 +183,7 @@ class Workbench:
         return self._sampled(sweep.points)
 
     def fit(self, stage: str, network: nn.Module, loss_of: LossOf, schedule: Schedule) -> None:
-        """Optimizes a network in place; time and result go under the name of the stage.
-
-        Raises:
-            OptimizationError: If the loss is not finite.
-            CancelledError: If the schedule says so.
-        """
+        """Optimizes a network as `minimize`; time and result go under the name of the stage."""
         with self.stage(stage):
             self.fits[stage] = minimize(network, loss_of, schedule)
 
@@ -202,7 +192,7 @@ class Workbench:
     ) -> torch.Tensor:
         """Returns the flow of a fitted network, (P, 3) finite metres.
 
-        Its input is one row for each position of the current sweep, by default the position.
+        Its input has a row for each position of the current sweep, by default the position.
 
         Raises:
             OptimizationError: If the flow is not finite.
@@ -213,7 +203,7 @@ class Workbench:
                     self._precision = str(part.precision).removeprefix("torch.")
             rows = self.current.positions if rows is None else rows
             flow = evaluate(network, rows)
-            # The loss may be finite all the same: it is that of the step before, or truncated.
+            # The loss may be finite: it is of the step before, or truncated.
             if not torch.isfinite(flow).all():
                 raise OptimizationError(
                     f"the {stage} flow is not finite; try a smaller learning rate"

@@ -138,7 +138,9 @@ def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
         try:
             rclpy.init()
         except Exception as error:  # noqa: BLE001 - rclpy's classes for this are private
-            raise SettingsError(f"cannot start ROS: {one_line(error)}") from None
+            has_none = any(word.endswith(":=") for word in sys.argv)
+            hint = "; expected a value after :=, an empty text is \"NAME:=''\"" if has_none else ""
+            raise SettingsError(f"cannot start ROS: {one_line(error)}{hint}") from None
         # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
         from mnsf_ros.node.node_log import log_to_ros
         from mnsf_ros.node.scene_flow_node import SceneFlowLifecycleNode, SceneFlowNode

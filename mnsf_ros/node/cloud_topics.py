@@ -26,7 +26,7 @@ _ADVICE: Final = {
     **dict.fromkeys(LIVOX_TYPES, "; set xfer_format: 0 in the driver"),
 }
 # Nodes need a while to find each other; one more topic may turn up until then.
-_SETTLE_S: Final = 1.0
+_SETTLE_S: Final = 0.5
 
 
 def cloud_class(types: Collection[str]) -> Any:  # noqa: ANN401 - a class of ROS, or None
@@ -89,7 +89,7 @@ class CloudSearch:
         self._since_s = time.monotonic()
 
     def found(self) -> str | None:
-        """Returns the topic, once it has been the only one for a second; call it repeatedly."""
+        """Returns the topic, once it was the only one for half a second; call it repeatedly."""
         topics, now_s = cloud_topics(self._node), time.monotonic()
         if topics != self._topics:
             self._topics, self._since_s = topics, now_s

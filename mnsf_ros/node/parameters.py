@@ -31,7 +31,8 @@ class UnknownParameterError(ParameterNotDeclaredException):
     """The node does not have this parameter; rclpy's own error does not name it."""
 
     def __init__(self, name: str) -> None:
-        hint = did_you_mean(name, (setting.name for setting in declared_settings()))
+        known = ["use_sim_time", *(setting.name for setting in declared_settings())]
+        hint = did_you_mean(name, known)
         Exception.__init__(self, f"unknown parameter {shortened(name)}{hint}")
 
 

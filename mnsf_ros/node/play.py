@@ -12,10 +12,11 @@ from typing import Any, Final, TypeVar
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, begins_with_header
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CDR, CLOUD_TYPES
-from mnsf_ros.sweeps.sweep import NANOSECONDS
+from msg_utils.stamps import NANOSECONDS_PER_SECOND as NANOSECONDS
 
-# Subscribers need a while to find the publishers.
-_SETTLE_S: Final = 1.0
+# Subscribers need a while to find publishers; the node looks for them 5 times a second.
+_SETTLE_S: Final = 0.5
+_POLL_S: Final = 0.05
 _CLOCK_PERIOD_S: Final = 0.025
 # Between the stamps of two rounds, which follow each other at once. All that moves jumps back: for
 # whoever follows it, it is a break.
@@ -57,10 +58,10 @@ def play(
     with RawTopics("mnsf_play") as ros:
         publishers = _publishers(reader, ros, topics, on_left_out)
         tell_time = ros.clock() if clock else None
-        ros.spin_for(_SETTLE_S)
         clouds = [one for one in publishers if reader.topics[one].msgtype in CLOUD_TYPES]
         while wait and not any(map(ros.node.count_subscribers, clouds)):
-            ros.spin_for(_SETTLE_S)
+            ros.spin_for(_POLL_S)
+        ros.spin_for(_SETTLE_S)
         goes_on = all(begins_with_header(reader.topics[one].msgtype) for one in publishers)
         first_ns, last_ns = reader.span_ns
         round_ns = last_ns - first_ns + _GAP_NS if goes_on else 0

@@ -106,8 +106,9 @@ class SweepInput:
     def state(self) -> InputState:
         """Input state for diagnostics."""
         own = self._node.get_name(), self._node.get_namespace()
+        topics = ", ".join(subscription.topic for subscription in self._subscriptions)
         return InputState(
-            ", ".join(subscription.topic for subscription in self._subscriptions),
+            "any topic" if self.is_searching else topics,
             self._subscriptions[0].reliability,
             sum(subscription.num_publishers for subscription in self._subscriptions),
             self._times_source,

@@ -10,6 +10,7 @@ from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
+from mnsf_ros.geometry.transforms import turned_yaw
 from mnsf_ros.online.attachments import rows_of_movers
 from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, static_confidence
 from mnsf_ros.online.object_sweep import ObjectSweep
@@ -150,12 +151,11 @@ def _tracked_object(
         # The points of a mover hold for the time at which they were measured.
         center = center - velocity * (times_s[seen].mean() if len(seen) else during_sweep.moment_s)
     turn = stamp_from_moment[:3, :3]
-    x, y, _ = turn @ (np.cos(box[6]), np.sin(box[6]), 0.0)
     return TrackedObject(
         track_id=track.track_id,
         center=turn @ center + stamp_from_moment[:3, 3],
         size=box[3:6],
-        yaw=float(np.arctan2(y, x)),
+        yaw=turned_yaw(turn, box[6]),
         velocity=turn @ velocity,
         turn_rate=track.turn_rate,
         covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),

@@ -73,9 +73,9 @@ def _absence(path: Path) -> str:
 
 
 def fingerprint(path: Path) -> dict[str, Any]:
-    """Returns the identity of a recording in any folder: sizes and a hash of the ends of its files.
+    """Returns the identity of a recording, ready for JSON: sizes, and a hash of the ends of files.
 
-    It is ready for JSON. `metadata.yaml` does not count.
+    `metadata.yaml` does not count.
 
     Raises:
         OSError: A file cannot be read.
@@ -96,7 +96,7 @@ def read_metadata(folder: Path) -> tuple[list[Path], Counter[str]]:
     """Returns the files that the metadata.yaml of a folder lists, and its counts of messages.
 
     Raises:
-        Exception: One of `UNREADABLE`: it cannot be read, or has another content.
+        Exception: One of `UNREADABLE`.
     """
     # Without types: a crafted number in base 60 takes a minute.
     yaml = YAML(typ="base")
@@ -116,10 +116,10 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Draft of a recording; moved to `path` when the block ends well, else removed.
 
     Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
-    there. With `overwrite` a recording that is there already is replaced, at the very end.
+    there. An existing recording is replaced at the very end.
 
     Raises:
-        RecordingError: Something is there already that may not be replaced.
+        RecordingError: As `check_target`.
         OSError: The folder cannot be made or moved.
     """
     check_target(path, overwrite=overwrite)
@@ -146,8 +146,8 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     """Checks the target of a recording before any work is done.
 
     Raises:
-        RecordingError: Something is there already that may not be replaced, or the name is that of
-            a file of another format.
+        RecordingError: Something exists there that may not be replaced, or the name has the suffix
+            of another format.
     """
     if path.suffix in SUFFIXES and path.suffix != MCAP:
         text = f"is a name of another format; name a folder, or a file that ends in {MCAP}"

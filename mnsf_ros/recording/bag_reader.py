@@ -37,17 +37,16 @@ from msg_utils.expansion import expand_file, expanded
 from msg_utils.other_clouds import UnsupportedCloudError, as_cloud
 
 _MAX_WARNINGS: Final = 5
-# How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
-# which, also in a file that has lost the metadata.yaml which says so.
+# Beginning of each zstd frame. A ROS 2 message begins with a zero byte, so that compressed ones are
+# recognized without metadata.yaml.
 _ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 
 
 class BagReader:
     """An open recording; use it as a context manager.
 
-    Messages come in the order of the files, each file in the order of recording. That is not
-    always the order of their header stamps, and the receive time is no measurement time: go by
-    header stamps.
+    Messages come in the order of the files, each file in the order of recording. This may differ
+    from the order of their header stamps, which are the times of measurement.
 
     Attributes:
         path: The folder or file that was given.
@@ -57,7 +56,6 @@ class BagReader:
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Sets the path; nothing is opened before `with`."""
         self.path = Path(path)
         self.topics: dict[str, TopicSummary] = {}
         self.damages: tuple[Damage, ...] = ()
@@ -70,7 +68,7 @@ class BagReader:
         """Opens the recording.
 
         Raises:
-            RecordingError: It is missing, empty or not a recording, or nothing of it can be read.
+            RecordingError: It is missing, empty, not a recording, or unreadable.
         """
         with ExitStack() as stack:
             paths, promised, damages = _listed(self.path)
@@ -122,8 +120,8 @@ class BagReader:
         Clouds of all `CLOUD_TYPES` are PointCloud2. Arrays in messages are read-only.
 
         Raises:
-            RecordingError: The topic is unknown (at once), or damage is met that opening the
-                recording has not shown.
+            RecordingError: The topic is unknown (at once), or damage is met that is not in
+                `damages`.
         """
         return (message for _, message in self._undamaged(self.readable_messages(topic)))
 
@@ -136,8 +134,7 @@ class BagReader:
         """Returns receive time in nanoseconds and message, or a Damage where some may be missing.
 
         Raises:
-            RecordingError: The topic is unknown (at once), or has clouds that cannot be read,
-                however intact.
+            RecordingError: The topic is unknown (at once), or has clouds that are not supported.
         """
         msgtype = known_topic(self.path, self.topics, topic).msgtype
 
@@ -191,11 +188,7 @@ class BagReader:
 
 @contextmanager
 def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[BagReader]:
-    """Opens a recording and warns of its damage, in a few lines.
-
-    Raises:
-        RecordingError: There is none, or nothing of it can be read.
-    """
+    """Opens a recording as `BagReader`, and warns of its damage in a few lines."""
     with BagReader(path) as reader:
         for damage in reader.damages[:_MAX_WARNINGS]:
             warn(str(damage))

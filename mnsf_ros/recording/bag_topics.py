@@ -22,7 +22,7 @@ TRUTH_OBJECTS_TOPIC: Final = "/truth/objects"
 TF_TOPIC: Final = "/tf"
 
 IMU_TYPE: Final = "sensor_msgs/msg/Imu"
-# That are read as clouds, the first ones rather.
+# Types that are read as clouds, the first preferred.
 CLOUD_TYPES: Final = (CLOUD_TYPE, COMPRESSED_TYPE, *LIVOX_TYPES)
 ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
 TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
@@ -160,7 +160,7 @@ def find_topic(
 
 
 def _advice(summaries: Iterable[TopicSummary]) -> str:
-    """Returns the end of a message: what makes clouds of packets, if there are such."""
+    """Returns the end of a message: the tools that make clouds of the packets, if any."""
     tools = {one.msgtype: tool for one in summaries if (tool := _CONVERTERS.get(one.msgtype))}
     return "".join(f"; {tool} makes clouds of {name}" for name, tool in tools.items())
 

@@ -88,15 +88,13 @@ class BagWriter:
     any exception in the block, also KeyboardInterrupt, nothing is left behind. The receive time of
     every message is the stamp it is written with. Every part of the file has a checksum.
 
-    Attributes:
-        path: The folder or file to write.
+    Raises:
+        RecordingError: From `with` and from each method: the path exists already and is not to be
+            overwritten, a message does not fit (type, stamp, pose), nothing was written, or writing
+            fails.
     """
 
     def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
-        """Sets the target; nothing is written before `with`, which makes missing parents.
-
-        A recording at the same path is replaced only if `overwrite` is set.
-        """
         self.path = Path(path)
         self._overwrite = overwrite
         self._connections: dict[str, Connection] = {}
@@ -104,11 +102,7 @@ class BagWriter:
         self._stack = ExitStack()
 
     def __enter__(self) -> "BagWriter":
-        """Opens a draft beside the path.
-
-        Raises:
-            RecordingError: The path exists already, or nothing can be written there.
-        """
+        """Opens a draft beside the path."""
         with self._guarded(), ExitStack() as stack:
             draft = stack.enter_context(new_folder(self.path, overwrite=self._overwrite))
             writer = RosbagsWriter(draft, version=9, storage_plugin=StoragePlugin.MCAP)
@@ -119,22 +113,14 @@ class BagWriter:
         return self
 
     def __exit__(self, *error: Any) -> None:  # noqa: ANN401
-        """Moves the finished recording to its path, or removes it after an exception.
-
-        Raises:
-            RecordingError: Nothing was written, or the recording cannot be finished.
-        """
+        """Moves the finished recording to its path, or removes it after an exception."""
         with self._guarded():
             self._stack.__exit__(*error)
 
     def write_raw(
         self, topic: str, msgtype: str, stamp_ns: int, raw: bytes | bytearray | memoryview
     ) -> None:
-        """Adds a message as CDR bytes; the first on a topic fixes its type, one of ROS 2 Jazzy.
-
-        Raises:
-            RecordingError: The type is unknown or not the topic's, or writing fails.
-        """
+        """Adds a message as CDR bytes; the first on a topic fixes its type, one of ROS 2 Jazzy."""
         if self._writer is None:
             raise RecordingError(f"{self.path}: is not open for writing")
         with self._guarded():
@@ -148,11 +134,7 @@ class BagWriter:
             self._writer.write(connection, stamp_ns, bytes(raw))
 
     def write_message(self, topic: str, message: Any, stamp_ns: int) -> None:  # noqa: ANN401
-        """Adds one of the `Messages` of ROS 2 Jazzy.
-
-        Raises:
-            RecordingError: A field cannot be serialized, or as `write_raw`.
-        """
+        """Adds one of the `Messages` of ROS 2 Jazzy."""
         msgtype = message.__msgtype__
         with self._guarded():
             raw = jazzy().serialize_cdr(message, msgtype)
@@ -167,21 +149,13 @@ class BagWriter:
         *,
         is_dense: bool = True,
     ) -> None:
-        """Adds a point cloud; its header stamp is the receive time, too.
-
-        Raises:
-            RecordingError: The stamp does not fit a ROS message, or writing fails.
-        """
+        """Adds a point cloud."""
         with self._guarded():
             raw = serialized_cloud(_header(stamp_ns, frame_id), cloud, is_dense=is_dense)
         self.write_raw(topic, CLOUD_TYPE, stamp_ns, raw)
 
     def write_sweep(self, sweep: TrueSweep, frame_id: str) -> None:
-        """Adds a sweep on the usual topics, with its truth and its pose.
-
-        Raises:
-            RecordingError: The numbers of points differ, or writing fails.
-        """
+        """Adds a sweep on the usual topics, with its truth and its pose."""
         xyz, truth = sweep.xyz, sweep.truth
         axes = {name: xyz[:, axis] for axis, name in enumerate("xyz")}
         points = encode_columns({**axes, **sweep.columns}, 1, len(xyz))
@@ -209,11 +183,7 @@ class BagWriter:
         """Adds the (4, 4) pose, metres, of the child frame in `frame_id`.
 
         The velocity is (6,) along the axes of the child frame in m/s, then about them in rad/s;
-        zero by default. With the covariance (6, 6) of a pose that is estimated, it is unknown.
-
-        Raises:
-            RecordingError: The stamp does not fit a ROS message, the pose is no rigid motion, or
-                writing fails.
+        zero by default, and unknown with the covariance (6, 6) of an estimated pose.
         """
         with self._guarded():
             message = Messages("nav_msgs").Odometry(
@@ -232,11 +202,7 @@ class BagWriter:
     def write_transforms(
         self, stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.floating[Any]]]
     ) -> None:
-        """Adds transforms to `/tf`: frame and child frame to the (4, 4) pose of the child.
-
-        Raises:
-            RecordingError: As `write_odometry`.
-        """
+        """Adds transforms to `/tf`: frame and child frame to the (4, 4) pose of the child."""
         with self._guarded():
             message = Messages("tf2_msgs").TFMessage()
             for (frame_id, child_frame_id), pose in poses.items():
@@ -250,11 +216,7 @@ class BagWriter:
     def write_objects(
         self, topic: str, objects: Sequence[TrackedObject], stamp_ns: int, frame_id: str
     ) -> None:
-        """Adds objects as a cloud of `OBJECT_ROW`, and as markers for viewers on `TOPIC/markers`.
-
-        Raises:
-            RecordingError: As `write_cloud`.
-        """
+        """Adds objects as a cloud of `OBJECT_ROW`, and markers for viewers on `TOPIC/markers`."""
         cloud = encode_columns(object_columns(objects), 1, len(objects))
         self.write_cloud(topic, cloud, stamp_ns, frame_id)
         with self._guarded():
@@ -265,11 +227,7 @@ class BagWriter:
     def write_turn_rate(
         self, topic: str, rate: Sequence[float], stamp_ns: int, frame_id: str
     ) -> None:
-        """Adds a turn rate, rad/s about x, y and z of the frame, as an IMU without all else.
-
-        Raises:
-            RecordingError: The stamp does not fit a ROS message, or writing fails.
-        """
+        """Adds a turn rate, rad/s about x, y and z of the frame, as an Imu with nothing else."""
         with self._guarded():
             message = Messages("sensor_msgs").Imu(header=_header(stamp_ns, frame_id))
             vector = message.angular_velocity

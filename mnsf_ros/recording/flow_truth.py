@@ -110,7 +110,7 @@ class FlowTruth:
 
         Raises:
             RecordingError: The cloud is damaged, lacks a field, or has a valid row whose flow is
-                not finite or too large.
+                not finite or is too large.
         """
         try:
             stamp_ns = decode_stamp(message.header.stamp)

@@ -131,7 +131,7 @@ class McapFile(StorageFile):
         except UNREADABLE as error:
             text = f"cut short or damaged, the rest of {size} bytes is not read"
             found.append(self._damage(offset, error, text))
-        # They tell more than that the index, which would be behind them, is missing.
+        # More informative than the missing index.
         self.damages = found or self.damages
         return counts
 
@@ -150,7 +150,7 @@ class McapFile(StorageFile):
             self._channels.setdefault(record.id, record)
 
     def _records_in(self, chunk: Chunk) -> list[Any]:
-        """The records of a chunk; it must have a checksum if the chunks of its file have one."""
+        """The records of a chunk; it must have a checksum if the first chunk has one."""
         if chunk.uncompressed_size > MAX_BYTES:
             raise EOFError(f"it claims to expand to {chunk.uncompressed_size} bytes")
         if self.has_checksums and chunk.uncompressed_crc == 0:
@@ -162,7 +162,7 @@ class McapFile(StorageFile):
 
 
 def _is_checked(file: BinaryIO, offset: int) -> bool:
-    """Whether a chunk has a checksum; one that cannot be read is taken to have had one."""
+    """Whether a chunk has a checksum; a damaged one counts as if it had."""
     try:
         return bool(next(_records(file, offset)).uncompressed_crc != 0)
     except UNREADABLE:

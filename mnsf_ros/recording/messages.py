@@ -12,14 +12,13 @@ from mnsf_ros.recording.bag_topics import jazzy
 
 
 class Messages:
-    """The messages of a package, `Messages("nav_msgs").Odometry` for example.
+    """The messages of a package, for example `Messages("nav_msgs").Odometry`.
 
-    They are used as those of rclpy: each field that is not given has its default, numbers 0 and
-    quaternions, too.
+    They are used as those of rclpy. Fields that are not given have their defaults: 0, also in
+    quaternions. Types are those of a store, by default of ROS 2 Jazzy.
     """
 
     def __init__(self, package: str, store: Typestore | None = None) -> None:
-        """Looks them up in a store, by default that of ROS 2 Jazzy."""
         self._package = package
         self._store = jazzy() if store is None else store
 

@@ -19,7 +19,6 @@ class StaticFrames:
     """The frames of all topics that end in /tf_static; damaged transforms are left out."""
 
     def __init__(self, reader: BagReader) -> None:
-        """Reads all of them."""
         self._parents: dict[str, tuple[str, NDArray[np.float64]]] = {}
         for topic, summary in reader.topics.items():
             if topic.endswith(_NAME) and summary.has_messages(TF_TYPE):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What files of all formats have in common: topics, messages, and damage with its place."""
+"""Base of the files of all formats: topics, messages, and damage with its place."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -23,34 +23,27 @@ _REMEDIES: Final = {
 
 @dataclass(frozen=True)
 class Damage:
-    """Lost part of a recording.
+    """Lost part of a recording."""
 
-    Attributes:
-        file: The file or folder.
-        position: Where in it, such as `byte 4711`; may be empty.
-        text: Description.
-        is_memory: Whether missing memory was the cause.
-    """
-
-    file: str
-    position: str
+    file: str  # or folder
+    position: str  # in it, such as `byte 4711`; may be empty
     text: str
-    is_memory: bool = False
+    is_memory: bool = False  # whether it was lost because memory was exhausted
 
     @classmethod
     def of(cls, file: Path, position: str, error: Exception, text: str) -> "Damage":
         """Returns the damage described by a text and the error that is its reason."""
         cause = reason(error)
         remedies = [f" ({remedy})" for words, remedy in _REMEDIES.items() if words in cause]
-        told = f"{text}: {cause}{''.join(remedies)}"
-        return cls(str(file), position, told, isinstance(error, MemoryError))
+        whole = f"{text}: {cause}{''.join(remedies)}"
+        return cls(str(file), position, whole, isinstance(error, MemoryError))
 
     def __str__(self) -> str:
         """Returns one line for people."""
         return ", ".join(filter(None, (self.file, self.position))) + f": {self.text}"
 
     def error(self) -> RecordingError:
-        """Returns an error with the same text; missing memory is its cause."""
+        """Returns an error with the same text; its cause tells exhausted memory."""
         error = RecordingError(str(self))
         error.__cause__ = MemoryError() if self.is_memory else None
         return error
@@ -76,7 +69,6 @@ class StorageFile(ABC):
     """
 
     def __init__(self, path: Path) -> None:
-        """Sets the path; formats read what they need to know the topics."""
         self.path = path
         self.topics: dict[str, TopicSummary] = {}
         self.first_ns, self.last_ns = float("inf"), 0.0

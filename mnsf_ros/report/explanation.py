@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Reasons for calling a place of a sweep dynamic or static, as text."""
+"""Reasons of the decision at a place of a sweep, dynamic or static, as text and picture."""
 
 from typing import Final
 
@@ -11,15 +11,15 @@ from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector
 from mnsf_ros.drawing.charts import Panel, match_picture
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.movers import LostBy, lost_by
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# A stamp that was printed with three decimals is off by less.
+# Larger than the rounding of a stamp that was printed with three decimals.
 _SAME_STAMP_NS: Final = 1_000_000
 # Memory of the method: earlier sweeps have no effect.
 _PAST_S: Final = 3.0
@@ -39,12 +39,11 @@ def explain(
     place_m: tuple[float, float],
     method: str = "",
 ) -> tuple[list[str], bytes | None]:
-    """Returns the decision of a method at a place (x, y) metres in the sensor frame.
+    """Returns the decision of a method at a place (x, y), metres, sensor frame, as lines of text.
 
-    As lines, and as a picture of the object in the other sweeps (PNG); None without an object.
-
-    `method` defaults to the settings' `method.name`. The 3 s before the sweep are estimated, too,
-    because it remembers them.
+    And a PNG file of the object in the other sweeps; None without an object. `method` defaults to
+    the settings' `method.name`. The 3 s before the sweep are estimated, too, as methods remember
+    them.
 
     Raises:
         EvaluationError: There is no such sweep, no point near the place, or the method gives no
@@ -61,7 +60,7 @@ def explain(
 
 
 def _picture(title: str, reason: Reason) -> bytes | None:
-    """The object in each other sweep: static above, moving below if a motion was fitted."""
+    """Draws the object in each other sweep: as static above, as moving below if that was fitted."""
     matches = {
         "static": [(one, one.static) for one in reason.sweeps],
         "moves": [(one, one.moving) for one in reason.sweeps if one.moving is not None],
@@ -128,11 +127,11 @@ def _estimated(
 
 
 def _truth_at(example: Example, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], float, str]:
-    """Mean true motion (3,) over ground, share of dynamic points; both as a line if known."""
+    """Returns mean true motion (3,) over ground, share of dynamic points, and both as a line."""
     truth = example.truth
     if truth is None or not truth.valid[rows].any():
         return np.zeros(3), 0.0, ""
-    # The sensor's own motion shows in all points of the sweep.
+    # Ego motion is fitted to all points of the sweep.
     every = np.flatnonzero(truth.valid)
     known, own_m = true_motion(example, truth, every)
     own = np.flatnonzero(np.isin(every, rows))

@@ -33,15 +33,10 @@ _TEMPLATES: Final = jinja2.Environment(
 
 
 def write_report(folder: RunFolder, results: RunResults) -> Path:
-    """Writes the report, with the pictures that the run has drawn.
-
-    An earlier one is replaced as a whole or not at all.
-
-    Returns:
-        The file.
+    """Writes the report, with the pictures that the run has drawn, and returns its file.
 
     Raises:
-        StoppedError: Writing fails.
+        StoppedError: Writing fails; an earlier report is still there.
     """
     recordings = {one.name: one for one in results.record.recordings}
     first = (
@@ -76,7 +71,7 @@ class Image(NamedTuple):
 def _images(
     folder: Path, method: str, wanted: Iterable[tuple[EvaluatedRecording, str, str]]
 ) -> Iterator[Image]:
-    """Those images that are there, of recordings, names and beginnings of captions."""
+    """Yields the images that exist, of recordings, names and beginnings of captions."""
     for recording, name, text in wanted:
         file = folder / picture_file(recording.name, method, name)
         if file.is_file():
@@ -88,7 +83,7 @@ def _images(
 
 
 def _places(recording: EvaluatedRecording, method: str, name: str) -> str:
-    """What is where in a picture."""
+    """Returns the end of a caption: the contents of a picture from left to right."""
     if not recording.truth:
         return f"{method}."
     if name == ANIMATION:

@@ -24,7 +24,7 @@ class Plot(NamedTuple):
 
 
 def plots_of(summary: pd.DataFrame) -> Iterator[Plot]:
-    """Yields the plots of a summary with a line for each method, as far as there are values."""
+    """Yields the plots of a summary with a line for each method, those that have values."""
     methods = [str(name) for name in summary.index]
     for field, (title, unit) in _BINS.items():
         names = dict.fromkeys(n for _, own in summary.iterrows() for n in groups_in(own, field))
@@ -43,7 +43,7 @@ def plots_of(summary: pd.DataFrame) -> Iterator[Plot]:
 
 
 def _values(summary: pd.DataFrame, column: str, factor: float = 1.0) -> Mapping[str, float]:
-    """Name of each method to its value, NaN for none."""
+    """Returns the value of each method, NaN for none."""
     values = summary[column] if column in summary else pd.Series(math.nan, summary.index)
     return {str(name): factor * float(value) for name, value in values.items()}
 

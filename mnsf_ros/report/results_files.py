@@ -2,21 +2,20 @@
 """The results of a run as files: Markdown, CSV and LaTeX."""
 
 from collections.abc import Iterator
-from dataclasses import fields
 from typing import Final
 
 import pandas as pd
 
 from mnsf_ros.errors import plain_text
-from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.metrics import ERRORS
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_record import RunRecord, Session
 from mnsf_ros.evaluation.summary import FAST, SLOW, groups_in
 from mnsf_ros.report.run_results import RunResults
+from mnsf_ros.report.tables import CALLED_DYNAMIC, TRACKED
 from mnsf_ros.report.text_table import markdown_code, markdown_text
 
 _COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
-_ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 # Columns of the file that hold the same value for all points, and their names in the summary.
 _FIGURES: Final = {
     "time_ms": "time_ms",
@@ -24,13 +23,7 @@ _FIGURES: Final = {
     "nearest_m": "consistency.nearest_m",
     "zero_nearest_m": "consistency.zero_nearest_m",
 }
-_MOVERS: Final = {
-    name: f"movers.{name}"
-    for name in (
-        *("precision", "recall", "iou", "ghosts_per_sweep", "ghost_sweeps"),
-        *("velocity_error_m_s", "direction_error_deg", "after_stop_s"),
-    )
-} | {
+_MOVERS: Final = {name: f"movers.{name}" for name in (*CALLED_DYNAMIC, *TRACKED)} | {
     f"{kind}_{key}": f"movers.{group}.{key}"
     for kind, group in (("fast", FAST), ("slow", SLOW))
     for key in ("found", "flicker", "delay_s")
@@ -51,10 +44,10 @@ _POINTS: Final = {"errors": "{}", "by_range": "range up to {} m", "by_speed": "s
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:
-    """Writes results.md, .csv and .tex, in place of those of an earlier session.
+    """Writes results.md, .csv and .tex.
 
     Raises:
-        StoppedError: Writing fails; files that are not written yet are those of before.
+        StoppedError: Writing fails; earlier files that are not replaced yet are still there.
     """
     replace_file(folder.path / "results.md", results_markdown(results))
     replace_file(folder.path / "results.csv", results_csv(results))
@@ -98,20 +91,20 @@ def results_csv(results: RunResults) -> str:
         for method, own in summary.iterrows()
         for line in _lines(own)
     ]
-    names = ["recording", "method", "points", *_COUNTS, *_ERRORS, *_FIGURES, *_ORIGIN, *_MOVERS]
-    # As objects: a missing value would turn the whole numbers of its column into others.
+    names = ["recording", "method", "points", *_COUNTS, *ERRORS, *_FIGURES, *_ORIGIN, *_MOVERS]
+    # As objects: a missing value would turn the whole numbers of its column into floats.
     table = pd.DataFrame(lines, columns=names, dtype=object)
     return table.to_csv(index=False, lineterminator="\n")
 
 
 def _lines(own: pd.Series) -> Iterator[dict[str, object]]:
-    """A line for each group of points that a method was scored on; one without errors if none."""
+    """Yields a line for each scored group of points; one without errors if there is none."""
     figures: dict[str, object] = {name: int(own[name]) for name in _COUNTS}
     figures |= {name: own.get(key) for name, key in _FIGURES.items()}
     has_errors = False
     for prefix, words in _POINTS.items():
         for name in groups_in(own, prefix):
-            errors = {key: own[f"{prefix}.{name}.{key}"] for key in _ERRORS}
+            errors = {key: own[f"{prefix}.{name}.{key}"] for key in ERRORS}
             errors["num_points"] = int(errors["num_points"])
             yield {"points": words.format(name), **figures, **errors}
             has_errors = True
@@ -120,7 +113,7 @@ def _lines(own: pd.Series) -> Iterator[dict[str, object]]:
 
 
 def _origin(record: RunRecord, method: str) -> dict[str, str]:
-    """Settings, versions and machine of a method; where sessions differ, all of them."""
+    """Returns settings, versions and machine of a method, all of them where sessions differ."""
     options = record.options
     _, preset, changes = record.used_settings(method)
     values = (

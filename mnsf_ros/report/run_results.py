@@ -33,22 +33,15 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True)
 class RunResults:
-    """Results of a run.
-
-    Attributes:
-        record: What was run.
-        table: A line for each example and method, by recording and sweep, see
-            `summary.row_table`.
-        focus: The method whose worst sweeps are shown; empty if there is none.
-    """
+    """Results of a run."""
 
     record: RunRecord
-    table: pd.DataFrame
-    focus: str
+    table: pd.DataFrame  # by recording and sweep, see `summary.row_table`
+    focus: str  # method whose worst sweeps are shown; may be empty
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Summary of all recordings together, a line for each method."""
+        """Summary of all recordings, a line for each method."""
         return summary_of(self.table, self.record.method_names)
 
     @cached_property
@@ -70,7 +63,7 @@ class RunResults:
 
     @property
     def protocol(self) -> list[str]:
-        """Sentences on the data and the options behind the figures."""
+        """Sentences on the data and the options of the figures."""
         return _protocol_text(self.record, self.summary)
 
     @cached_property
@@ -80,7 +73,7 @@ class RunResults:
 
     @property
     def worst(self) -> pd.DataFrame:
-        """Lines of the `focus` that have a flow and a figure to judge it by, the worst first."""
+        """Lines of the `focus` with a flow and a known badness, the worst first."""
         own = self.table[self.table["method"] == self.focus]
         badness_m = [float("nan") if row.failure else row.badness_m for row in own["row"]]
         known = own.assign(badness_m=badness_m).dropna(subset="badness_m")
@@ -110,8 +103,7 @@ def results_of(
 ) -> RunResults:
     """Returns the results of a run, from its rows in any order.
 
-    The worst sweeps are those of the `focus`, else of the first method that is no reference, if one
-    has a flow of the first of those.
+    The `focus` is by default the first method that has a flow and is not a reference.
     """
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
     if focus is None:
@@ -208,7 +200,7 @@ def _without_example(run: RunRecord) -> Iterator[Note]:
 
 
 def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
-    """Failures of each method but drops, those whose reasons differ in numbers alone together."""
+    """Yields a note for each method and kind of failure: reasons that differ in numbers alone."""
     answered = {(row.method, row.recording) for row in rows if row.failure is None}
     kinds: dict[tuple[str, str], list[ResultRow]] = {}
     for row in rows:
@@ -226,7 +218,7 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
 
 
 def _findings(run: RunRecord) -> Iterator[Note]:
-    """What does not fit in the input, once for each recording: methods notice about the same."""
+    """Yields violated assumptions, once for each recording: all methods notice about the same."""
     found: dict[tuple[str, str], str] = {}
     for task in run.finished:
         for assumption, text in task.findings.items():
@@ -236,7 +228,7 @@ def _findings(run: RunRecord) -> Iterator[Note]:
 
 
 def _recordings_without(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:
-    """Recordings without truth, and with truth for no scored point."""
+    """Yields the recordings without truth, and those with truth for no scored point."""
     good = [row for row in rows if row.failure is None]
     scored = {row.recording for row in good if row.errors and row.errors["all"].num_points}
     unscored = {row.recording for row in good} - scored

@@ -25,7 +25,7 @@ class Column(NamedTuple):
     """A column of numbers."""
 
     title: str  # with its unit
-    decimals: int | None = 3  # behind the point; None for whole numbers with commas
+    decimals: int | None = 3  # None for whole numbers with commas
     factor: float = 1.0  # from values to the unit, 100 for shares in percent
 
     def cell(self, value: float) -> str:
@@ -49,14 +49,14 @@ _ERRORS: Final = {
     "outliers": _percent("Outliers"),
     "angle_error_rad": Column("angle (rad)", 3),
 }
-_CALLED_DYNAMIC: Final = {
+CALLED_DYNAMIC: Final = {
     "precision": _percent("precision"),
     "recall": _percent("recall"),
     "iou": _percent("IoU"),
     "ghosts_per_sweep": Column("false movers per sweep", 2),
-    "ghost_sweeps": _percent("sweeps with one"),
+    "ghost_sweeps": _percent("sweeps with false movers"),
 }
-_TRACKED: Final = {
+TRACKED: Final = {
     "velocity_error_m_s": Column("velocity error (m/s)", 2),
     "direction_error_deg": Column("direction error (deg)", 1),
     "after_stop_s": Column("after a stop (s)", 1),
@@ -84,7 +84,7 @@ _CONSISTENCY: Final = {
 _THREE_WAY: Final = {name: Column(name, 4) for name in (*THREE_WAY, "mean")}
 _RANGE_WISE: Final = {name: Column(name, 3) for name in RANGE_WISE}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
-# Columns that no value is the best of, and those whose largest value is.
+# Columns without a best value, and those whose largest value is the best.
 _COUNTS: Final = {
     *(one.title for name, one in _WORK.items() if name.startswith("num_")),
     *(_OBJECTS[name].title for name in ("num_movers", "num_sweeps")),
@@ -92,7 +92,7 @@ _COUNTS: Final = {
 }
 _HIGHER: Final = {
     *(_ERRORS[name].title for name in ("acc5", "acc10")),
-    *(_CALLED_DYNAMIC[name].title for name in ("precision", "recall", "iou")),
+    *(CALLED_DYNAMIC[name].title for name in ("precision", "recall", "iou")),
     _OBJECTS["found"].title,
 }
 _MOVERS: Final = "method: movers"  # head of rows of a method and a group of movers
@@ -102,7 +102,7 @@ _GROUP_TITLES: Final = {"all": "All points", "dynamic": "Dynamic points", "stati
 def _made_table(
     frame: pd.DataFrame, columns: Mapping[str, Column], title: str, row_title: str = "method"
 ) -> TextTable:
-    """Returns columns of a table of numbers as text; its index names the rows."""
+    """Returns columns of a table of numbers as text; the index has the names of the rows."""
     values = frame.reindex(columns=list(columns)).astype(float)
     rows = [
         [str(name), *map(Column.cell, columns.values(), line)]
@@ -114,8 +114,7 @@ def _made_table(
 def errors_table(errors: pd.DataFrame, title: str = "", row_title: str = "method") -> TextTable:
     """Returns errors in the paper's column order, shares in percent.
 
-    `errors` has the fields of `FlowErrors` as columns, and `time_ms` where the wall time of an
-    estimate is to be shown.
+    `errors` has the fields of `FlowErrors` as columns, and optionally `time_ms`.
     """
     columns = _ERRORS | ({"time_ms": _TIME} if "time_ms" in errors else {})
     return _made_table(errors, columns, title, row_title)
@@ -130,8 +129,8 @@ def main_tables(summary: pd.DataFrame) -> list[TextTable]:
     )
     tables = [
         *_group_tables(summary),
-        _part_table(summary, "movers", _CALLED_DYNAMIC, "Points called dynamic, and false movers"),
-        _part_table(summary, "movers", _TRACKED, tracked),
+        _part_table(summary, "movers", CALLED_DYNAMIC, "Points called dynamic, and false movers"),
+        _part_table(summary, "movers", TRACKED, tracked),
         _objects_table(summary, (FAST, SLOW)),
         _part_table(summary, "consistency", _CONSISTENCY, consistency),
     ]
@@ -166,7 +165,7 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
 def _part_table(
     summary: pd.DataFrame, prefix: str, columns: Mapping[str, Column], title: str
 ) -> TextTable:
-    """The methods with values in a part of the summary, in the columns that it has."""
+    """Returns the methods with values in a part of the summary, and the columns that it has."""
     part = part_of(summary, prefix).dropna(how="all")
     return _made_table(part, {name: one for name, one in columns.items() if name in part}, title)
 
@@ -194,7 +193,7 @@ def _objects_table(summary: pd.DataFrame, groups: Iterable[str]) -> TextTable:
 
 
 def best_cells(table: TextTable, references: Container[str]) -> set[tuple[int, int]]:
-    """Returns rows and columns of the best values, where two methods that are no references differ.
+    """Returns rows and columns of the best values, if methods other than references differ.
 
     Rows of groups of movers compete within their group. Equal texts are equally good.
     """
@@ -220,7 +219,7 @@ def best_cells(table: TextTable, references: Container[str]) -> set[tuple[int, i
 
 
 def missed_tables(rows: Iterable[ResultRow], method: str) -> list[TextTable]:
-    """Returns the movers that a method missed, first those that *found* counts, then the others."""
+    """Returns the movers that a method missed: those that *found* counts, then the others."""
     missed = missed_movers(row for row in rows if row.method == method)
     titles = {
         True: f"Movers that {method} missed in most sweeps (see also mnsf explain)",

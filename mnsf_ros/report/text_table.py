@@ -55,15 +55,15 @@ class TextTable:
         )
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yields title and table; columns that the console has no room for follow in a block."""
+        """Yields title and table; columns beyond the width of the console follow in a block."""
         if self.title:
             yield Text(self.title, style="bold")
         frame = self.frame.iloc[:, 1:].set_axis([row[0] for row in self.rows])
         frame.columns.name = self.header[0]
         with pd.option_context("display.unicode.east_asian_width", True):
             text = frame.to_string(line_width=options.max_width)
-        # Without the marks of lines that go on below. Text, not str: rich would take a method
-        # called "[a]" for markup and swallow it.
+        # Without pandas' marks of wrapped lines. Text, not str: rich would swallow a method called
+        # "[a]" as markup.
         text = re.sub(r" +\\?$", "", text, flags=re.MULTILINE)
         yield Text(f"{text}\n", no_wrap=True, overflow="ignore")
 
@@ -74,12 +74,12 @@ def format_number(value: float, decimals: int) -> str:
 
 
 def markdown_text(text: str) -> str:
-    """Returns a text for Markdown without tags, which a viewer would take for HTML."""
+    """Returns a text for Markdown, without HTML tags."""
     return _one_line(text).replace("&", "&amp;").replace("<", "&lt;")
 
 
 def markdown_code(text: str) -> str:
-    """Returns a text as a span of code, which no backtick in it ends."""
+    """Returns a text, possibly with backticks, as a span of code."""
     fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
     space = " " if len(fence) > 1 else ""
     return f"{fence}{space}{_one_line(text)}{space}{fence}"

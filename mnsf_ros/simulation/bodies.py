@@ -2,8 +2,8 @@
 """Rigid things of the scene: solid shapes, their intersections with rays, and their poses.
 
 A shape sits at the origin of its own frame. Rays are given in that frame as one common origin
-and three arrays of direction components; ranges come back in units of the direction's length,
-`inf` where the ray misses. A ray that starts inside a shape does not see it.
+and three arrays of direction components; ranges are in units of the length of the direction, `inf`
+where the ray misses. A ray that starts inside a shape does not see it.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Conditions of adverse worlds: what real recordings have, and random worlds have not.
+"""Conditions of adverse worlds: properties of real recordings that random worlds lack.
 
-One condition does not change what is drawn for another.
+Each condition has its own random generator.
 """
 
 import math
@@ -17,7 +17,7 @@ from mnsf_ros.simulation.settings import CONDITIONS
 # Generators of the conditions that a world has.
 Draws: TypeAlias = Mapping[str, np.random.Generator]
 
-# Whoever sees the own body: the nearest points of `radiate_hdl32` are at 0.5 m.
+# Minimum range where the own body is seen: the nearest points of `radiate_hdl32` are at 0.5 m.
 _NEAREST_M: Final = 0.5
 # From data sheets: beams or limits of the view (degrees), columns of a turn, or points of a sweep
 # at 10 Hz, error and range (m). VLP-16: 2 degrees apart, 0.2 degrees a column. HDL-32E: 4/3 degrees

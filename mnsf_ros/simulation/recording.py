@@ -38,10 +38,10 @@ def write_recording(
     overwrite: bool = False,
     nav2: bool = False,
 ) -> SweepSimulator:
-    """Simulates a recording, writes it with a BagWriter and returns its simulator.
+    """Simulates and writes a recording; returns its simulator.
 
-    After every sweep `progress` is called with the number of sweeps done and to do. With `nav2` it
-    also has `/tf`, `/odom` and the exact tracks of all that can move.
+    `progress` gets the number of sweeps done and in all. With `nav2` the recording also has `/tf`,
+    `/odom` and the exact tracks of all bodies that can move.
 
     Raises:
         RecordingError: The recording cannot be written.
@@ -90,9 +90,9 @@ def _write_robot(writer: BagWriter, simulator: SweepSimulator, number: int, stam
 def _exact_tracks(
     simulator: SweepSimulator, number: int, object_ids: NDArray[np.uint32] | None
 ) -> list[TrackedObject]:
-    """All that can move within the range of the lidar, also where it is hidden.
+    """Returns the tracks of all bodies that can move within the range of the lidar, also hidden.
 
-    The objects (N,) of the points of a sweep are counted; their numbers are those of the tracks.
+    `object_ids` (N,) of the points of the sweep are the numbers of the tracks.
     """
     scene, time_s = simulator.scene, float(simulator.times_s[number])
     counts = np.bincount([] if object_ids is None else object_ids, minlength=len(scene.bodies) + 1)

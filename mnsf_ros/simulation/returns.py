@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which rays return: few from surfaces that are smooth or wet and met at an angle, far, or in fog.
+"""Lost returns: of surfaces that are smooth or wet and met at an angle, far, or in fog.
 
-Rough surfaces shine alike in all directions (Lambert), smooth ones return only rays near their
+Rough surfaces reflect equally in all directions (Lambert), smooth ones return only rays near their
 normal. A film of water makes all but the roughest smooth.
 """
 
@@ -37,11 +37,8 @@ def reflectance(
 ) -> FloatArray:
     """Returns (N,) shares of the light that surfaces return.
 
-    Args:
-        brightness: (N,) 0 to 255, of a rough surface; 100 is white.
-        smoothness: (N,) 0 to 1, of the dry surface.
-        wetness: 0 to 1.
-        cosines: (N,) of the angles between rays and normals.
+    Their brightness (N,) is 0 to 255, 100 is white; their smoothness (N,), if dry, and the wetness
+    are 0 to 1. The cosines (N,) are of the angles between rays and normals.
     """
     mirror = 1.0 - (1.0 - smoothness) ** (1.0 + _FILM * wetness)
     angles = np.arccos(np.clip(cosines, 0.0, 1.0))
@@ -56,14 +53,10 @@ def are_returned(
     fog_per_m: float,
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
-    """Returns the mask (N,) of the rays that the lidar receives.
+    """Returns the mask (N,) of the rays that the lidar receives, with speckle.
 
-    Args:
-        shares: (N,) of the light that surfaces return.
-        ranges: (N,) metres.
-        reach_m: Range at which half of the rays to a surface that returns a tenth come back.
-        fog_per_m: Share of the light that is lost per metre.
-        rng: Generator of the speckle.
+    `shares` (N,) are of the light that surfaces return, at ranges (N,) in metres; `reach_m` and
+    `fog_per_m` as in `Sensor`.
     """
     light = shares / _NOMINAL * (reach_m / ranges) ** 2 * np.exp(-2.0 * fog_per_m * ranges)
     return light * rng.lognormal(0.0, _SPECKLE, len(light)) >= 1.0

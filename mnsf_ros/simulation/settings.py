@@ -81,7 +81,7 @@ class SimulationSettings:
 
 
 class Scenario(NamedTuple):
-    """What scenarios differ in; the default is a random world."""
+    """Differences between scenarios; the default is a random world."""
 
     places: Mapping[str, float] = _PLACES
     egos: Mapping[str, float] = _EGOS  # how the lidar moves

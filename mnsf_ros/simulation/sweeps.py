@@ -19,7 +19,7 @@ from mnsf_ros.simulation.worlds import build_scene
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
-# The IMU is on before the first sweep, and after the last one.
+# The IMU starts this long before the first sweep, and ends this long after the last one.
 _IMU_LEAD_S = 0.2
 _ALL = (slice(None), slice(None))
 # Sweeps that can be taken beyond the end of the recording, as far as none are missing.
@@ -30,12 +30,10 @@ class SweepSimulator:
     """Takes sweeps of one scene, in any order.
 
     Each point is in the lidar frame of the moment when it was measured (x forward, y left, z up).
-    The flow leads to where the same surface is at the next sweep, in the lidar frame of that
-    moment. Numbers of objects are those of the bodies in the scene, counted from 1; ground and
-    drops of rain are no object. Drops and the own body have no valid flow. Columns are `intensity`
-    (0 to 255),
-    `ring` (0 is the lowest beam), and where each point has its own time `t`, nanoseconds from the
-    stamp.
+    The flow leads to the place of the same surface at the next sweep, in the lidar frame of that
+    moment. Numbers of objects are those of the bodies in the scene, counted from 1; 0 for ground
+    and drops of rain. Drops and the own body have no valid flow. Columns are `intensity` (0 to
+    255), `ring` (0 is the lowest beam), and of a rolling lidar `t`, nanoseconds from the stamp.
 
     Attributes:
         scene: The scene.
@@ -45,7 +43,6 @@ class SweepSimulator:
     """
 
     def __init__(self, settings: SimulationSettings) -> None:
-        """Builds the scene of the settings."""
         self.scene = build_scene(settings)
         self.interval_s = 1.0 / self.scene.sensor.rate_hz
         num_turns = max(1, round(settings.duration_s * self.scene.sensor.rate_hz))
@@ -80,7 +77,7 @@ class SweepSimulator:
         sensor, turn = self.scene.sensor, int(self._turns[index])
         time_s, next_s = self.times_s[index : index + 2].tolist()
         rng = np.random.default_rng([self._seed, 1, turn])
-        # Without a phase a standing vehicle would measure the very same points again and again.
+        # Without a phase a standing vehicle would measure the same points in each sweep.
         moments = list(sensor.rays(turn, rng.uniform()))
         taken = [
             self._measured(rays, time_s + after_s, next_s + after_s, rng)

@@ -90,10 +90,10 @@ def straight_over(
 def right_turn(
     street: Street, crossing: Crossing, at_s: float, main_speed_m_s: float, *, leaving: bool
 ) -> Trip:
-    """Returns a right turn of an oncoming car whose middle is at `at_s` seconds.
+    """Returns a right turn of a car whose middle is at `at_s` seconds.
 
-    It leads from the main street, where the car goes with the oncoming stream, into the side street
-    if it is `leaving`, otherwise the other way round.
+    It leads from the oncoming lane of the main street into the side street if it is `leaving`,
+    otherwise the other way round.
     """
     center = LANE_LATERAL_M + _TURN_RADIUS_M
     main_reach = street.end_x - crossing.x if leaving else crossing.x - street.start_x

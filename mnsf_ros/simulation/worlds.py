@@ -76,7 +76,7 @@ _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 class StreetScene:
     """Street, everything on it, and the vehicle with its lidar.
 
-    `wetness` of all surfaces is 0 to 1; `text` says in a line what was drawn.
+    `wetness` of all surfaces is 0 to 1; `text` describes the scene in a line.
     """
 
     street: Street
@@ -193,7 +193,7 @@ class _World:
         return self._street.route(x, lateral + amplitude_m * np.sin(wave * x))
 
     def _things_at_rest(self, rng: np.random.Generator) -> Iterator[Body]:
-        """Yields everything at rest."""
+        """Yields the bodies at rest."""
         edge_m = self._street.half_width_m
         if self._place == "tunnel":
             yield from self._row((models.tunnel,), 0.0, 20.0, rng)
@@ -226,7 +226,7 @@ class _World:
             yield Body(models.own_body(draws["body"]), self._ego)
 
     def _is_free(self, body: Body) -> bool:
-        """Whether nothing that was there before is in its way; from now on it is in the way."""
+        """Whether nothing is in its way; if so, it is in the way of others from now on."""
         pose = body.world_from_body(0.0)
         forward = np.array([pose[:2, 3], pose[:2, 3] + pose[:2, 0]])
         trip = Trip(Route.through(forward), SpeedProfile.steady(0.0), 0.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, Match, OverGround, Reason, TrackedObject
 from mnsf_ros.ego_motion.covariance import chained_covariance
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.geometry.transforms import apply
+from mnsf_ros.geometry.transforms import apply, turned_yaw
 from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -59,11 +59,10 @@ def _over_ground(known: OverGround, mounting: Mounting) -> OverGround:
 def _object(item: TrackedObject, back: NDArray[np.float64]) -> TrackedObject:
     """The object in the frame of the sensor; its size stays that of the upright box."""
     turn = back[:3, :3]
-    x, y, _ = turn @ (np.cos(item.yaw), np.sin(item.yaw), 0.0)
     return replace(
         item,
         center=apply(back, item.center[None])[0],
-        yaw=float(np.arctan2(y, x)),
+        yaw=turned_yaw(turn, item.yaw),
         velocity=turn @ item.velocity,
         turn_rate=float(item.turn_rate * turn[2, 2]),
         covariance=_turned_axes(item.covariance, back),

@@ -76,9 +76,9 @@ def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> pd.Da
     """Measures the loss around the weights of a network.
 
     Returns:
-        Columns `kind`, `first_step`, `second_step` and `loss_m`. The kind `square` is a grid of
-        steps along two random directions, symmetric, with 0; `direction N` are steps along one,
-        the loss being the mean of a step forth and back.
+        Columns `kind`, `first_step`, `second_step` and `loss_m`. The kind `square` is a symmetric
+        grid of steps along two random directions; `direction N` are steps along one, with the mean
+        loss of a step forth and back.
     """
     generator = torch.Generator().manual_seed(options.evaluation.seed)
     lines: list[tuple[str, float, float, float]] = []

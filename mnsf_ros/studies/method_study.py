@@ -2,19 +2,17 @@
 """The paper's ablation tables: variants of the method, scored on the same examples."""
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.metrics import ERRORS
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.studies.variants import evaluated, texts_on
 
-_ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 
 # Title of the table, and name of each row to its method.
@@ -73,7 +71,7 @@ def _result(
     study_title, variants = study
     known = {name: m for name, m in variants.items() if m in summary.index}
     named = summary.loc[list(known.values())].set_axis(list(known))
-    errors = {group: errors_in(named, group).reindex(columns=_ERRORS) for group in _GROUPS}
+    errors = {group: errors_in(named, group).reindex(columns=ERRORS) for group in _GROUPS}
     errors = {group: table for group, table in errors.items() if table["num_points"].any()}
     tables, numbers = [], []
     for group, table in errors.items():

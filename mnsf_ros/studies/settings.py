@@ -77,5 +77,5 @@ class CaseStudySettings:
 
 
 def _numbers(text: str) -> list[int]:
-    """Whole numbers with commas between them; 0 stands for what is none."""
+    """Whole numbers with commas between them; 0 stands for any other text."""
     return [int(part) if part.isdecimal() else 0 for part in text.split(",")]

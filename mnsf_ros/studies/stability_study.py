@@ -71,16 +71,15 @@ def stability_settings(settings: Settings) -> Settings:
 def changes(
     method: str, estimator: SceneFlowEstimator, triplet: SweepTriplet, options: StudyOptions
 ) -> Iterator[dict[str, object]]:
-    """Replaces points of the full sweeps; draws are those of the seed.
+    """Replaces points of the full sweeps, drawn by the seed.
 
     Yields:
-        The effect of each: `method`, `num_points` of each sweep, the changed `sweep`, number
-        `repeat` of the draw, `flow_m` (mean length of the change of flow over the points that
-        stayed) and `loss_m` (change of their mean distance to the full next sweep).
+        The effect of each replacement: `method`, `num_points` of each sweep, the changed `sweep`,
+        number `repeat` of the draw, `flow_m` (mean length of the change of flow over the points
+        that stayed) and `loss_m` (change of their mean distance to the full next sweep).
 
     Raises:
-        EvaluationError: A sweep has too few points.
-        MnsfError: An estimate fails.
+        MnsfError: A sweep has too few points, or an estimate fails.
     """
     sweeps = _full_sweeps(triplet, max(options.case.numbers_of_points))
     tree = cKDTree(triplet.next.kept_xyz)
@@ -134,8 +133,8 @@ def fitted_slope(means: pd.Series) -> tuple[float, float]:
     """Returns the slope of log(change) over log(number of points), and its standard error.
 
     The index of `means` is the number of points. A slope of -1 is one over N. Changes of exactly
-    zero, as of a sweep that a method does not use, are left out. With fewer than two others there
-    is no slope, with two no error: NaN.
+    zero, as of a sweep that a method does not use, are left out. The slope needs two others, its
+    error three, else it is NaN.
     """
     known = means[means > 0]
     if len(known) < 2:

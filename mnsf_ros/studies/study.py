@@ -10,11 +10,11 @@ import pandas as pd
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import chosen_recordings
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import session_now
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.report.text_table import TextTable, markdown_text
 from mnsf_ros.studies.settings import STUDIES, CaseStudySettings
@@ -22,25 +22,14 @@ from mnsf_ros.studies.settings import STUDIES, CaseStudySettings
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """Data and settings of a study.
+    """Data and settings of a study; `landscape` and `stability` use the first example only."""
 
-    Attributes:
-        out: Folder for all files of the study.
-        evaluation: How to estimate, and which examples; `landscape` and `stability` use the first
-            one alone. Its seed is also that of all other draws.
-        recordings: Paths of recordings.
-        resume: Whether to continue with the files in the folder.
-        command: The command line, for the record.
-        say: Gets one line for each step.
-        case: Settings of the case studies.
-    """
-
-    out: Path
-    evaluation: EvaluationOptions
+    out: Path  # folder for all files
+    evaluation: EvaluationOptions  # its seed is that of all other draws, too
     recordings: Sequence[Path]
-    resume: bool = False
-    command: tuple[str, ...] = ()
-    say: Callable[[str], None] = lambda text: None
+    resume: bool = False  # whether to continue with the files in the folder
+    command: tuple[str, ...] = ()  # for the record
+    say: Callable[[str], None] = lambda text: None  # gets one line for each step
     case: CaseStudySettings = field(default_factory=CaseStudySettings)
 
     def first_example(self) -> Example:
@@ -64,7 +53,7 @@ class StudyResult:
     tables: Sequence[TextTable]
     numbers: pd.DataFrame  # the CSV file; the same study gives the same one, times apart
     evaluation: EvaluationOptions  # behind the figures
-    picture: bytes = b""  # a PNG file; empty if tables say it all
+    picture: bytes = b""  # a PNG file, if any
 
 
 def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:

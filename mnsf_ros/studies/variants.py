@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Variants of methods in an evaluation like any other, which a study reads its figures from."""
+"""Evaluation of variants of methods, for studies."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 from mnsf_ros.studies.study import StudyOptions
 
-# As `mnsf evaluate` has it.
+# The default of `mnsf evaluate`.
 _NUM_PICTURES: Final = 3
 
 
@@ -46,7 +46,7 @@ def evaluated(
     for _, event in run_serially(tasks, evaluation):
         folder.take(event)
         if isinstance(event, ResultRow):
-            options.say(f"{next(numbers)}: {_said(event)}")
+            options.say(f"{next(numbers)}: {_line_of(event)}")
     results = read_results(folder)
     write_results(folder, results)
     if not any(row.errors for row in results.table["row"]):
@@ -56,10 +56,10 @@ def evaluated(
 
 
 def texts_on(results: RunResults) -> list[str]:
-    """Returns paragraphs on the data and options behind the figures, and on their limits."""
+    """Returns paragraphs on the data and options of the figures, and on their limits."""
     return [*results.protocol, *(f"Note: {note.text}" for note in results.notes)]
 
 
-def _said(row: ResultRow) -> str:
-    said = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else row.failure
-    return f"{row.method}, {row.recording} sweep {row.number}: {said}"
+def _line_of(row: ResultRow) -> str:
+    result = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else row.failure
+    return f"{row.method}, {row.recording} sweep {row.number}: {result}"

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What a warm start buys: errors over the sweeps since the start, warm and from scratch."""
+"""Effect of the warm start: errors over the sweeps since the start, warm and from scratch."""
 
 import math
 from collections.abc import Mapping

@@ -59,7 +59,9 @@ def new_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
 
 
 def _check_target(path: Path, *, overwrite: bool) -> None:
-    if path.is_dir() or (path.exists() and not overwrite):
+    if path.is_dir():
+        raise DatasetError(f"{path}: is a folder, expected the name of a file")
+    if path.exists() and not overwrite:
         raise DatasetError(f"{path}: exists already; --force replaces it")
     if not path.absolute().parent.is_dir():
         raise DatasetError(f"{path}: there is no folder {path.parent}")

@@ -34,7 +34,7 @@ class CloudSource:
         measured: (height * width,) bool, the points of the message that are in the sweep.
         times: Times of these points.
         is_stamped: Whether the message has a stamp.
-        num_untimed: Points that were left out, because their time is not of the sweep.
+        num_untimed: Points that were left out because their time is outside the sweep.
     """
 
     message: Any
@@ -54,7 +54,7 @@ class CloudSource:
 
 
 class CloudReader:
-    """Makes sweeps of the clouds of one lidar; remembers their stamps to know their interval."""
+    """Makes sweeps of the clouds of one lidar; estimates their interval from recent stamps."""
 
     def __init__(self) -> None:
         self._stamps_ns: deque[int] = deque(maxlen=_NUM_STAMPS)
@@ -62,8 +62,8 @@ class CloudReader:
     def sweep(self, message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
         """Returns the measured points of a cloud, with a CloudSource as `source`.
 
-        The stamp is `now_ns` if the message has none. A few points without a usable time are left
-        out, where the others have one.
+        The stamp is `now_ns` if the message has none. Points without a usable time are left out, if
+        the others have one.
 
         Raises:
             MessageError: If the message cannot be decoded.
@@ -87,7 +87,7 @@ class CloudReader:
 
     @property
     def _interval_s(self) -> float:
-        """The usual interval; that of most lidars until the second cloud."""
+        """The median interval; until the second cloud that of most lidars."""
         interval_ns = float(np.median(np.diff(self._stamps_ns))) if len(self._stamps_ns) > 1 else 0
         return interval_ns / NANOSECONDS if interval_ns > 0 else USUAL_INTERVAL_S
 
@@ -104,9 +104,8 @@ def flow_cloud(
 
     Header, height, width and order of the points stay. The fields of the cloud come first, then
     those of FLOW_COLUMNS; a field of the cloud with the same name is renamed to `sensor_...`.
-    The compact layout keeps only x, y and z of the cloud. With a mask `part` (N,) of the points of
-    the sweep, the cloud has these only, in one row. With places `moved` (N, 3) of these points,
-    metres, x, y and z are those, and the cloud's own are renamed.
+    The compact layout keeps only x, y and z of the cloud. With a mask `part` (N,) the cloud has
+    only these points of the sweep, in one row. Positions `moved` (N, 3), metres, replace x, y, z.
     """
     source: CloudSource = sweep.source
     cloud, measured, rows = source.message, source.measured, None

@@ -24,10 +24,9 @@ class FlowColumn:
     Attributes:
         name: Name of the field in a cloud.
         dtype: Type of the values, one that a PointField can have.
-        missing: Value of points that were not measured, and of all points where the method has no
-            such values.
-        values: From the estimate and the time to the next sweep in seconds to the values (N,) of
-            the sweep's points; None where the method has none.
+        missing: Value of points that were not measured, and of all points if there are no values.
+        values: From the estimate and the seconds to the next sweep to the values (N,) of points of
+            the sweep; None if the method has no such values.
     """
 
     name: str
@@ -170,5 +169,5 @@ def object_columns(objects: Sequence[TrackedObject]) -> dict[str, NDArray[Any]]:
 
 def _object_row(item: TrackedObject) -> tuple[float, ...]:
     box = (*item.center, item.track_id, *item.size, item.yaw)
-    told = (item.turn_rate, item.age_s, item.num_points)
-    return (*box, *item.velocity, *told, *item.covariance[_UPPER])
+    others = (item.turn_rate, item.age_s, item.num_points)
+    return (*box, *item.velocity, *others, *item.covariance[_UPPER])

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Points of movers without the distortion by their motion during the sweep."""
+"""Points of movers, corrected for their motion during the sweep."""
 
 from dataclasses import replace
 
@@ -31,19 +31,19 @@ def moving_cloud(
 def movers_at_stamp(
     sweep: Sweep, estimate: FlowEstimate, known: OverGround, interval_s: float, *, deskew: bool
 ) -> tuple[NDArray[np.float32], FlowEstimate]:
-    """Moves dynamic points to where they were at the stamp of the sweep.
+    """Moves dynamic points to their positions at the stamp of the sweep.
 
     Args:
         sweep: The sweep, with the times of its points.
         estimate: Its flow.
-        known: The motion over ground in it.
+        known: The motion over ground in the estimate.
         interval_s: Seconds to the next sweep, above 0.
-        deskew: Whether each point is in the frame of the sensor at its own time, else all are in
-            that of the stamp.
+        deskew: Whether each point is in the frame of the sensor at its own time instead of at the
+            stamp.
 
     Returns:
-        (N, 3) metres, in the frame of the sensor at the stamp; points that are not dynamic stay
-        where they are. And the estimate with the flow from there.
+        (N, 3) metres, in the frame of the sensor at the stamp, static points unchanged; and the
+        estimate with the flow from there.
     """
     rows = np.flatnonzero(known.dynamic)
     xyz, flow = sweep.xyz.copy(), estimate.flow.copy()

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where dynamic objects will be: the ground under their boxes over the next seconds."""
+"""Prediction of dynamic objects: the ground under their boxes over the next seconds."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _LONGEST_STEP_S: Final = 0.2
 # Rays 0.05 degrees apart, to beyond the border of a costmap, pass each cell of 0.05 m within 28 m.
 _NUM_RAYS: Final = 7200
 _RING_M: Final = 100.0
-# Half a lane: a place that is known no better is none to drive around.
+# Half a lane: less certain places would block the way.
 _MAX_DEVIATION_M: Final = 1.5
 
 
@@ -28,10 +28,10 @@ def predicted_columns(
 ) -> dict[str, NDArray[Any]]:
     """Returns the ground that objects will cover, as columns (P,): one point in each cell of it.
 
-    Each object goes on with its velocity and its turn rate. Its box grows on all sides by the
-    standard deviation of the predicted place, and ends when that exceeds 1.5 m. `x`, `y`, `z` are
-    metres in the frame of the objects, at the height of the box's middle; `ahead` is when an
-    object is there first, seconds from the stamp up to the horizon; `id` is its `track_id`.
+    Each object keeps its velocity and its turn rate. Its box grows on all sides by the standard
+    deviation of the predicted place; the prediction ends when that exceeds 1.5 m. `x`, `y`, `z` are
+    metres in the frame of the objects, at the height of the box's middle; `ahead` is the earliest
+    time of an object there, seconds from the stamp up to the horizon; `id` is its `track_id`.
     """
     parts = [np.zeros((0, 5)), *(_covered(item, horizon_s) for item in objects)]
     points = np.concatenate(parts)
@@ -50,7 +50,7 @@ def predicted_columns(
 def clearing_columns(mounting: Mounting | None) -> dict[str, NDArray[Any]]:
     """Returns `x`, `y`, `z`, (P,) metres, of a level ring around the sensor.
 
-    Rays to it pass all cells of a costmap: no ground that was predicted before stays marked.
+    Rays to it clear all cells of a costmap that earlier predictions have marked.
     """
     angles = np.linspace(0.0, 2 * np.pi, _NUM_RAYS, endpoint=False)
     ring = _RING_M * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)

@@ -56,13 +56,12 @@ class LidarGroup:
 class LidarGroups:
     """Groups each sweep of one lidar, the reference, with the nearest in time of each other one.
 
-    The reference is the first lidar that works and has the clock of most others. A lidar that sends
-    nothing within the longest wait is left out until it sends again, one with another clock until
-    most others have that, too; so neither stops the others.
+    The reference is the first lidar that works and has the clock of the majority. A lidar that
+    sends nothing within the longest wait is left out until it sends again, one with another clock
+    until the majority has that clock.
     """
 
     def __init__(self, num_lidars: int) -> None:
-        """Starts without a sweep."""
         self._queues: list[deque[ArrivedSweep]] = [
             deque(maxlen=_MAX_SWEEPS) for _ in range(num_lidars)
         ]
@@ -92,7 +91,7 @@ class LidarGroups:
         self._last[index] = item.arrived_ns, item.sweep.stamp_ns
         queue = self._queues[index]
         if index in self._silent | self._odd:
-            # Nobody waited for them, and they would come late.
+            # No group waited for them, and they would come late.
             while queue and item.arrived_s - queue[0].arrived_s >= settings.max_wait_s:
                 queue.popleft()
         self._silent.discard(index)
@@ -111,7 +110,7 @@ class LidarGroups:
             yield self._group(reference, first, settings)
 
     def _reference(self, settings: LidarsSettings) -> int | None:
-        """The first lidar that works, of those of one clock, if it has a sweep."""
+        """The first working lidar with the clock of the majority, if it has a sweep."""
         while agreeing := self._agreeing(settings):
             first = agreeing[0]
             if self._queues[first]:
@@ -131,7 +130,7 @@ class LidarGroups:
         return [index for index in range(len(self._queues)) if index not in self._silent]
 
     def _agreeing(self, settings: LidarsSettings) -> list[int]:
-        """The largest set of working lidars with one clock; as before if two are as large."""
+        """The largest set of working lidars with one clock; of equal ones that of before."""
         near_ns = (settings.tolerance_s + settings.max_wait_s) * NANOSECONDS
         working = self._working
         sets = [[j for j in working if self._agree(i, j, near_ns)] for i in working]
@@ -150,7 +149,7 @@ class LidarGroups:
         if index in self._agreeing(settings):
             queue = self._queues[index]
             return not queue or queue[-1].sweep.stamp_ns < first.sweep.stamp_ns
-        # All clocks may have been set.
+        # All clocks may have been changed.
         return index not in self._odd and self._last[index][0] < first.arrived_ns
 
     def _group(self, reference: int, first: ArrivedSweep, settings: LidarsSettings) -> LidarGroup:

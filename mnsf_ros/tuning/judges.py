@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Cost of settings on one half of recordings: by true flow, or by where points land later."""
+"""Cost of settings on one half of recordings: by true flow, or by landing errors of points."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.summary import summarize
-from mnsf_ros.evaluation.tracks import Findings
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
@@ -49,8 +49,8 @@ def read_halves(
 ) -> tuple[Half, Half]:
     """Reads the first examples of both halves of each recording; no sweep is in both.
 
-    The points that are scored are those of `options`, whatever settings are tried later: settings
-    cannot win by leaving out what is difficult.
+    The scored points are those of `options`, whatever settings are tried later: settings cannot win
+    by leaving out difficult points.
 
     Raises:
         EvaluationError: A half of all recordings has no example.
@@ -124,11 +124,11 @@ _SPACING: Final = 0.01
 class ConsistencyJudge:
     """Judges settings without labels: do points land on a surface of a sweep about 0.3 s later?
 
-    Points are moved on by their motion over ground, at constant velocity, into a sweep that the
-    estimate has not seen. If the motion is right, a point of that sweep is near: a mover that is
-    called static is left behind, a static object that is called dynamic lands in free space. The
-    few points that a static world does not explain, by the settings to start from, weigh as much as
-    all others together. So neither "everything is static" nor "everything is dynamic" wins.
+    Points are moved by their motion over ground, at constant velocity, into a sweep that the
+    estimate has not seen. If the motion is right, a point of that sweep is near: a mover called
+    static stays behind, a static object called dynamic lands in free space. The few points that are
+    not near a surface as static, by the settings at the start, weigh as much as all others. So
+    neither "everything is static" nor "everything is dynamic" wins.
     """
 
     goal: Final = "landing error 0.3 s later (m)"
@@ -136,7 +136,7 @@ class ConsistencyJudge:
     def __init__(
         self, half: Half, settings: Settings, seed: int = 0, estimates_of: Estimates = estimates
     ) -> None:
-        """Chooses the points that a static world does not explain, with these settings."""
+        """Chooses the points that are not near a surface as static, with these settings."""
         self._half, self.estimates_of = half, estimates_of
         self._landings = [list(_landings(examples, seed)) for examples in half]
         static = self._errors(settings, are_static=True)
@@ -173,7 +173,7 @@ class _Landing:
     def errors(
         self, known: Sequence[OverGround | None], *, are_static: bool
     ) -> NDArray[np.float64]:
-        """(M,) landing errors, metres; `known` has one entry for each example of the half."""
+        """Landing errors (M,), metres; `known` has one entry for each example of the half."""
         now, then = known[self.place], known[self.later]
         if now is None or then is None:
             return np.full(len(self.rows), _LIMIT_M)

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tuning: Optuna searches settings on the first halves of recordings, the second halves judge.
 
-Optuna's journal of trials is the state from which a search is resumed.
+A search is resumed from Optuna's journal of trials.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,23 +36,14 @@ Watch = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a search.
+    """Result of a search."""
 
-    Attributes:
-        start: The settings at its start.
-        goal: Name and unit of the cost.
-        num_trials: Number of trials.
-        changed: Full name to the new value of each changed parameter.
-        tuned: Costs on the half that was tuned, before and after.
-        held_out: The same on the other half.
-    """
-
-    start: Settings
-    goal: str
+    start: Settings  # before the search
+    goal: str  # name and unit of the cost
     num_trials: int
-    changed: Values
-    tuned: tuple[float, float]
-    held_out: tuple[float, float]
+    changed: Values  # full names and new values of changed parameters
+    tuned: tuple[float, float]  # costs on the half that was tuned, before and after
+    held_out: tuple[float, float]  # the same on the other half
 
     @property
     def lines(self) -> list[str]:
@@ -99,9 +90,8 @@ def tune(
 ) -> SearchResult:
     """Searches for better settings and judges them on the halves that were not tuned.
 
-    The settings of the evaluation are the start; those that were set explicitly are not tuned. Of
-    each half at most its `max_examples` are looked at. The folder gets the trials, or has those to
-    `resume`.
+    The search starts at the settings of the evaluation; explicit ones are not tuned. Each half has
+    at most `max_examples` of the evaluation. The trials are in the folder.
 
     Raises:
         MnsfError: An option or a recording cannot be used, or the folder has another search.
@@ -145,7 +135,7 @@ def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
 
 
 def tuned_settings(names: Sequence[str] = (), fixed: frozenset[str] = frozenset()) -> list[Setting]:
-    """Returns the settings to tune: those named, or all that are declared so but the fixed ones.
+    """Returns the settings to tune: those named, else all with a range to tune; none of the fixed.
 
     Raises:
         SettingsError: A setting is unknown or cannot be tuned, or none is left.
@@ -161,11 +151,7 @@ def tuned_settings(names: Sequence[str] = (), fixed: frozenset[str] = frozenset(
 
 
 def check_optuna() -> None:
-    """Checks that the library of the search is there.
-
-    Raises:
-        SettingsError: It is not installed.
-    """
+    """Checks that Optuna is installed; raises a SettingsError if not."""
     try:
         import optuna
     except ModuleNotFoundError as error:
@@ -176,7 +162,7 @@ def check_optuna() -> None:
 def _open_study(
     folder: Path, identity: Mapping[str, object], seed: int, *, resume: bool
 ) -> "optuna.Study":
-    """Opens the trials in a folder; `identity` has all that costs depend on."""
+    """Opens the trials in a folder; costs depend on the values of `identity`."""
     import optuna
     from optuna.storages.journal import JournalFileBackend
 

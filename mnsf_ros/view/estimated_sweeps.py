@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.outcomes import pushed
 from mnsf_ros.evaluation.scoring import true_motion
-from mnsf_ros.evaluation.tracks import Findings, TruthTrack, recorded_sweeps, truth_clouds
+from mnsf_ros.evaluation.tracks import recorded_sweeps
+from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.stream.stream import Stream

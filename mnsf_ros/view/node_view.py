@@ -110,7 +110,7 @@ class NodeView(PageView):
             self._parameters.ask()
         is_there = self._ros.node.count_publishers(self._topics["/flow"]) > 0
         if self._is_there and not is_there:
-            text = f"{self._name} does not run, or has another name: mnsf view --node NAME"
+            text = f"{self._name} does not run (yet), or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
             self._server.tell("status", latency=None, values={}, warnings=warnings)
             self._wait(f"waiting for the node: {text}")
@@ -211,7 +211,7 @@ class NodeView(PageView):
             for one in own
             if one.level in _LEVELS
         ]
-        worst = max(own, key=lambda one: one.level)
+        worst = max(own, key=lambda one: (one.level, one.name.endswith(": flow")))
         self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
         self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}

@@ -9,8 +9,9 @@ from bag_messages import cloud_message
 from box_street import pose
 
 from mnsf_ros.evaluation.examples import ExampleBuilder, kept_points, read_examples
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.tracks import Event, Findings, TruthCloud, TruthTrack
+from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings

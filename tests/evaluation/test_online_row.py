@@ -8,9 +8,10 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.evaluation import task as task_module
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.scoring import ResultRow
-from mnsf_ros.evaluation.tracks import Findings, recorded_sweeps
+from mnsf_ros.evaluation.tracks import recorded_sweeps
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.settings import Settings

@@ -8,9 +8,9 @@ import small_evaluations as small
 from bag_messages import cloud_cdr
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.task import FinishedTask, run_task
-from mnsf_ros.evaluation.tracks import Event
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings

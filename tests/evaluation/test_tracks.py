@@ -10,15 +10,9 @@ import small_evaluations as small
 from bag_messages import cloud_cdr, cloud_message
 from rosbags.typesys.stores import ros2_jazzy as ros
 
-from mnsf_ros.evaluation.tracks import (
-    Event,
-    Findings,
-    TruthCloud,
-    TruthTrack,
-    recorded_poses,
-    recorded_sweeps,
-    truth_clouds,
-)
+from mnsf_ros.evaluation.findings import Event, Findings
+from mnsf_ros.evaluation.tracks import recorded_poses, recorded_sweeps
+from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack, truth_clouds
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import pose_quaternion, sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader

@@ -256,7 +256,7 @@ class TestTopicThatNobodyNamed:
         for topic in ("/rear", "/front"):
             lidar.publisher(topic, CLOUD_TYPE)
         expected = (
-            "no sweep on /scene_flow/points: clouds are on /front, /rear: name one of them "
+            "no sweep on any topic: clouds are on /front, /rear: name one of them "
             "(node: remap ~/points; launch: points:=TOPIC)"
         )
         give_up_s = time.monotonic() + PATIENCE_S

@@ -18,6 +18,7 @@ _UNUSABLE = {
         "]: crop.max_range_m: got -5.0, expected a number from 1 to 1000",
     ),
     "a wrong remapping": (["-r", "nonsense"], "remap rule: '-r nonsense'"),
+    "no value": (["-p", "crop.own_body:="], "expected a value after :="),
     "no parameter file": (["--params-file", "{tmp}/bare.yaml"], "ros__parameters"),
     "a quality of service of a wrong type": (
         ["-p", "qos_overrides./scene_flow/flow.publisher.depth:=deep"],

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from small_runs import METHODS, dropped, failed, recording, row, rows, run_record
 
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.task import FinishedTask
-from mnsf_ros.evaluation.tracks import Event
 from mnsf_ros.presets import preset
 from mnsf_ros.report.run_results import results_of
 

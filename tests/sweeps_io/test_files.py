@@ -34,7 +34,7 @@ def test_existing_files_are_replaced_only_if_asked(tmp_path):
     assert path.read_bytes() == b"new"
     assert [path.name for path in tmp_path.iterdir()] == ["out.npz"]
     (tmp_path / "folder").mkdir()
-    with pytest.raises(DatasetError, match="exists already"):
+    with pytest.raises(DatasetError, match="is a folder"):
         written(tmp_path / "folder", overwrite=True)
     with pytest.raises(DatasetError, match="there is no folder"):
         written(tmp_path / "no" / "out.npz", overwrite=True)

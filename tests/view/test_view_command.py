@@ -100,7 +100,9 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
             browser.value(f"{KNOB}.value = 999; {KNOB}.onchange()")
             browser.until("document.querySelector('#notice').textContent.includes('999')")
             browser.until(f"{warning}?.includes('no sweep')")
-            with started("mnsf_ros.cli", "play", str(street), "--wait", "--loop"):
+            # At a pace that a busy machine follows: it would drop sweeps, and show none.
+            paced = ("play", str(street), "--wait", "--loop", "--rate", "0.2")
+            with started("mnsf_ros.cli", *paced):
                 browser.until(STAMP)
                 browser.until("document.querySelector('#status').textContent.includes('out')")
                 browser.click_at(330, 400)

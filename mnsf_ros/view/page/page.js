@@ -296,5 +296,7 @@ showValues(find("#keys dl"), { ...Object.fromEntries(Object.entries(KEYS).map(([
   [NAMES[key] ?? key, text])), ...MOUSE });
 followSystem(() => { overlay.readTheme(); status.draw(); draw(); });
 new ResizeObserver(draw).observe(canvas);
+// Without the token, which a picture of the page would give away.
+find("#address").textContent = location.origin;
 connect();
 setFolded(innerWidth <= 800);
