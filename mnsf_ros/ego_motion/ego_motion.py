@@ -18,7 +18,7 @@ from mnsf_ros.ego_motion.covariance import (
     step_covariance,
 )
 from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
-from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
+from mnsf_ros.ego_motion.sweep_matcher import KNOWN_VELOCITY, Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion, Turns
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
@@ -34,7 +34,6 @@ _MAX_STEP_M: Final = 1.0  # without stamps, too
 _ACCELERATION_M_S2: Final = 2.0
 _HEAVE_M: Final = 1.0
 _LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
-_LEAST_VARIANCE: Final = 1e-8  # of velocities: they are never known exactly
 # Maximum number of matches of a sweep, each with the motion found last.
 _MAX_ROUNDS: Final = 3
 # Number of sweeps kept. Up to 22 Hz they reach back far enough for the sweep 0.6 s ago.
@@ -314,11 +313,11 @@ class EgoMotion:
 
     def _velocity_covariance(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """(6, 6) of the motion during a sweep at a pose, axes of the world; measured turns hold."""
-        variance = np.full(6, _LEAST_VARIANCE)
-        if self._bending is not None:
-            variance += self._bending.variance * ([1.0] * 3 + [self._turns is None] * 3)
+        if self._bending is None:
+            return KNOWN_VELOCITY
+        variance = self._bending.variance * ([1.0] * 3 + [self._turns is None] * 3)
         axes = np.kron(np.eye(2), pose[:3, :3])
-        return np.asarray(axes @ np.diag(variance) @ axes.T, np.float64)
+        return np.asarray(KNOWN_VELOCITY + axes @ np.diag(variance) @ axes.T, np.float64)
 
     def _map_of(
         self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None

@@ -32,7 +32,8 @@ _MAX_DEVIATION_M: Final = 0.3
 # Besides independent errors, all points share a bias of this size, from traffic or the pattern of
 # the rays. With .0002, errors in tunnels are larger than their covariance.
 _COMMON_M: Final = 0.0003
-_KNOWN_VELOCITY: Final = 1e-8 * np.eye(6)
+# Covariance of a velocity that is not estimated: 0, but with an inverse.
+KNOWN_VELOCITY: Final = 1e-8 * np.eye(6)
 # Of an unconstrained direction.
 _LEAST_CURVATURE: Final = 1e-6
 # Search range without an expected motion: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns
@@ -59,13 +60,13 @@ class Placed:
         covariance: (6, 6) in the axes of the world: metres, then radians.
         velocity: (6,) on top of the motion that points were corrected for, in the same axes and
             units per second.
-        velocity_covariance: (6, 6) of it.
+        velocity_covariance: (6, 6) of it; the expected velocity is 0.
     """
 
     pose: NDArray[np.float64]
     covariance: NDArray[np.float64]
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
-    velocity_covariance: NDArray[np.float64] = field(default_factory=_KNOWN_VELOCITY.copy)
+    velocity_covariance: NDArray[np.float64] = field(default_factory=KNOWN_VELOCITY.copy)
 
     @property
     def information(self) -> NDArray[np.floating[Any]]:
@@ -167,7 +168,7 @@ class SweepMatcher:
             gradient[:3] += shift_holds @ (pose[:3, 3] - expected.pose[:3, 3])
             curvature[:3, :3] += shift_holds
             if there.has_velocity:
-                gradient[6:] += velocity_holds @ (velocity - expected.velocity)
+                gradient[6:] += velocity_holds @ velocity
                 curvature[6:, 6:] += velocity_holds
             step = -solved(curvature + _least(curvature), gradient)
             pose[:3, :3] = Rotation.from_rotvec(step[3:6]).as_matrix() @ pose[:3, :3]

@@ -47,9 +47,7 @@ class Turns:
         cls, rate: NDArray[np.float64], moment_s: float, times_s: NDArray[np.float32]
     ) -> "Turns":
         """Returns the rotations at a constant rate (3,), rad/s, in the span of some times (N,)."""
-        first_s, last_s = (
-            (float(times_s.min()), float(times_s.max())) if len(times_s) else (0.0, 0.0)
-        )
+        first_s, last_s = (float(end(times_s, initial=moment_s)) for end in (np.min, np.max))
         elapsed_s = np.append(np.linspace(first_s, last_s, NUM_TURNS), 0.0) - moment_s
         turns = Rotation.from_rotvec(elapsed_s[:, None] * rate).as_matrix()
         return cls(first_s, last_s, turns[:-1], turns[-1])
@@ -139,9 +137,9 @@ class SweepMotion:
     ) -> NDArray[np.float32]:
         turns = self._turns_at(times_s)
         table = turns.table.transpose(0, 2, 1) if back else turns.table
-        table = np.ascontiguousarray(table, np.float32)
         span = turns.first_s, turns.last_s, self.moment_s
-        return _moved_by(vectors, times_s, *span, table, velocity.astype(np.float32), back)
+        rotations = np.ascontiguousarray(table, np.float32)
+        return _moved_by(vectors, times_s, *span, rotations, velocity.astype(np.float32), back)
 
     def _turns_at(self, times_s: NDArray[np.float32]) -> Turns:
         """The measured rotations, else those of a constant rate at the times (N,)."""
