@@ -31,9 +31,9 @@ class TimeSettings:
 
     field: str = declared(
         "auto",
-        "Field with the time of each point. auto: one of the usual names; none: no times; or, of a "
-        "turning lidar without such a field, its sense and where a sweep begins: clockwise:180, "
-        "counterclockwise:-90 (azimuth in degrees)",
+        "Field with the time of each point. auto: one of the usual names, else by the order of the "
+        "points once they show that the lidar turns; none: no times; or its sense and where a "
+        "sweep begins: clockwise:180, counterclockwise:-90 (azimuth in degrees)",
     )
     unit: str = declared(
         "auto",

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """ROS domains of tests: no two processes of tests on a machine share one."""
 
+import atexit
 import fcntl
 import itertools
 import os
@@ -21,5 +22,6 @@ def reserve_domain():
         except BlockingIOError:
             lock.close()
             continue
+        atexit.register(lock.close)
         return domain, lock
     raise AssertionError

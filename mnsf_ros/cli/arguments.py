@@ -81,7 +81,7 @@ class Arguments:
     def declared(self, group: type, *names: str, **defaults: object) -> None:
         """Adds an option for each declared field of a dataclass; `chosen` returns the result.
 
-        With `names` only these, in this order; `defaults` replace those of the dataclass.
+        With `names` only these, in this order; `defaults` replace the declared ones.
         """
         known = {one.name: one for one in settings_of(group)}
         for setting in [known[name] for name in names or known]:
@@ -163,7 +163,7 @@ def existing_path(text: str) -> Path:
     """Returns the path of a file or folder.
 
     Raises:
-        RecordingError: There is none.
+        RecordingError: It does not exist.
     """
     if not (path := Path(text)).exists():
         raise RecordingError(f"{text}: no such file or folder")

@@ -72,7 +72,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
                 if isinstance(event, FinishedTask) and event.failure:
                     given_up.append(f"gave up {_title(task)}: {event.failure}")
         finally:
-            # Also after Ctrl-C: what is finished is worth a table.
+            # Also after Ctrl-C: finished results get a table.
             is_complete = _conclude(folder, console)
     for text in given_up:
         console.warn(text)
@@ -116,7 +116,7 @@ def _conclude(folder: RunFolder, console: Console) -> bool:
     _print_results(results, folder, console)
     try:
         path = write_report(folder, results)
-    except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
+    except Exception as error:  # noqa: BLE001 - the results are complete without a report
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
         console.warn(f"no report: {reason}; `mnsf report {folder.path}` tries again")
         return False

@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
     Exit status 0: done; 2: an argument or file cannot be used, reported in one line; 3: memory
-    limit; 130: interrupted; others are those of subcommands.
+    limit; 130: interrupted; others depend on the subcommand.
     """
     # What nohup ignores stays so.
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
@@ -104,7 +104,7 @@ def run(arguments: list[str] | None = None) -> int:
         if not isinstance(error, (MnsfError, OSError)):
             raise
         if isinstance(error, BrokenPipeError):
-            # Whoever read the output has enough, as `head` does. What is left goes nowhere.
+            # The reader of the output has ended, such as `head`: the rest is discarded.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
         complain(error)

@@ -16,7 +16,7 @@ from mnsf_ros.recording.bag_reader import open_recording
 from mnsf_ros.recording.bag_topics import known_topic
 from mnsf_ros.simulation.settings import SimulationSettings
 
-# Of playing, to that of the recording.
+# Speed of playing relative to the recording.
 RATE: Final = number_within(0.01, 100.0)
 
 

@@ -54,6 +54,8 @@ class TrackedObject:
         age_s: Seconds since it was first seen to move.
         num_points: Points of the current sweep that belong to it; 0 if it is hidden at present and
             its motion is predicted.
+        outline: (K, 2) metres, the convex outline of its points from above, counter-clockwise, from
+            its center along `yaw` and to the left; without rows if nobody has determined it.
     """
 
     track_id: int
@@ -65,6 +67,7 @@ class TrackedObject:
     covariance: NDArray[np.float64] = field(repr=False)
     age_s: float
     num_points: int
+    outline: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)), repr=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ _Names = dict[tuple[str, int], str]
 
 
 class Submission:
-    """Writes the sweeps of a challenge into an archive; `columns` has those of a file by name."""
+    """Writes the sweeps of a challenge into an archive, each with its `columns`."""
 
     def __init__(
         self,

@@ -17,28 +17,20 @@ from mnsf_ros.sweeps.sweep import Sweep
 class ExportedSweep:
     """A recorded sweep of N measured points, and their flow until the next sweep, with ego motion.
 
-    Attributes:
-        sweep: The sweep; its `source` has the rows of its points in the recorded cloud.
-        ground: (N,) bool, the points on the ground.
-        pose: (4, 4) `world_from_sensor`.
-        next_from_current: (4, 4) motion of static points between the two sensor frames; None
-            without a next sweep, and then there is no flow.
-        interval_s: Seconds until the next sweep.
-        estimate: The estimate, row for row; None if the method has none for this sweep.
-        truth: True flow, row for row; None if unknown.
+    Without a next sweep `next_from_current` is None, and there is no flow.
     """
 
-    sweep: Sweep
-    ground: NDArray[np.bool_]
-    pose: NDArray[np.float64]
-    next_from_current: NDArray[np.float64] | None = None
-    interval_s: float = 0.0
-    estimate: FlowEstimate | None = None
-    truth: FlowTruth | None = None
+    sweep: Sweep  # its `source` has the rows of its points in the recorded cloud
+    ground: NDArray[np.bool_]  # (N,)
+    pose: NDArray[np.float64]  # (4, 4) world_from_sensor
+    next_from_current: NDArray[np.float64] | None = None  # (4, 4) motion of static points
+    interval_s: float = 0.0  # until the next sweep
+    estimate: FlowEstimate | None = None  # row for row; None if the method has none
+    truth: FlowTruth | None = None  # row for row; None if unknown
 
     @property
     def flow(self) -> NDArray[np.float32]:
-        """(N, 3) metres; that of static points where there is no estimate."""
+        """(N, 3) metres; points without an estimate move as static ones."""
         ego_flow = rigid_flow(self.sweep.xyz, self._motion)
         if self.estimate is None:
             return ego_flow

@@ -36,17 +36,11 @@ FORMATS: Final[Mapping[str, Format]] = {
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """Settings of the truth.
+    """Settings of the truth."""
 
-    Attributes:
-        box_margin_m: Growth of the boxes in length, width and height. The default is that of the
-            data sets prepared for NSFP, FNSF and MNSF.
-        unlabelled_static: Whether points outside the labelled area are static instead of unknown.
-        official: Whether points belong to boxes as in the official labels of Argoverse 2 (av2-api
-            01e6d958, `Flow.from_sweep_pair`), see `official_box_of_points`; the flow to a hidden
-            box is then unknown.
-    """
-
+    # Growth of boxes in length, width and height, as in the data sets of NSFP, FNSF and MNSF.
     box_margin_m: float = 0.6
-    unlabelled_static: bool = False
+    unlabelled_static: bool = False  # points outside the labelled area are not unknown, but static
+    # Points belong to boxes as in the official labels of Argoverse 2 (av2-api 01e6d958,
+    # `Flow.from_sweep_pair`), see `official_box_of_points`; flow to a hidden box is then unknown.
     official: bool = False

@@ -147,7 +147,7 @@ def _boxes_of(
     for number, pose in enumerate(tracklet.findall("poses/item"), start=int(first)):
         with reading(path, f"sweep {number}"):
             x, y, z, yaw = _numbers(pose, "tx", "ty", "tz", "rz")
-            # A tracklet's position is the middle of its base, a Box's that of the box.
+            # The position of a tracklet is the middle of its base; a Box has it in its middle.
             box = Box(planar_pose(x, y, yaw, z + height / 2), size, class_id, track_id)
         yield number, box
 

@@ -31,23 +31,16 @@ def classes_of(**names: str) -> dict[str, int]:
 class Box:
     """A tracked object in one sweep.
 
-    Attributes:
-        pose: (4, 4) float64 `sweep_from_box`; the origin of the box is its middle, x its length.
-        size_m: (3,) length, width and height.
-        class_id: Class of the surface, see `docs/recordings.md`.
-        track_id: Name of the object in all sweeps; None if its motion is unknown.
-        hidden: Whether the object has no points, for example because it is fully occluded.
-
     Raises:
         ValueError: The pose is not a rigid motion, a size is not above 0, or the track has another
             type.
     """
 
-    pose: FloatArray
-    size_m: NDArray[np.float64]
-    class_id: int
-    track_id: str | int | None
-    hidden: bool = False
+    pose: FloatArray  # (4, 4) `sweep_from_box`; its origin is the middle of the box, x its length
+    size_m: NDArray[np.float64]  # (3,) length, width and height
+    class_id: int  # see `SurfaceClass`; 0 if unknown
+    track_id: str | int | None  # the same in all sweeps; None if its motion is unknown
+    hidden: bool = False  # it has no points, for example because it is fully occluded
 
     def __post_init__(self) -> None:
         name = f"box of track {self.track_id!r}"
@@ -64,38 +57,24 @@ class Box:
 class LabelledSweep:
     """One sweep in the frame of the data set, z up, with its labels: boxes, or flow.
 
-    Attributes:
-        stamp_ns: Time in nanoseconds.
-        xyz: (N, 3) float32 metres.
-        columns: Further columns of the cloud: name to (N,).
-        pose: (4, 4) float64 `world_from_sweep`; None if the data set has none.
-        boxes: Tracked objects; None if the sweep was not annotated.
-        flow: (N, 3) float32 metres to the next sweep, in the next sweep's frame; None: by poses and
-            boxes.
-        flow_valid: (N,) bool, the given flow is known; None: everywhere.
-        dynamic: (N,) bool, the surface itself moves; None: by the flow.
-        class_id: (N,) uint8 class of the surface; None: that of its box.
-        labelled: (N,) bool, inside the annotated area; None: all points.
-        ground: (N,) bool; None: to be segmented.
-        own_vehicle: (N,) bool, returns of the vehicle that carries the lidar; None: no point.
-
     Raises:
         ValueError: An array does not fit, a coordinate is beyond the range of any lidar, or the
             pose is not a rigid motion. Rows that are not finite are allowed.
     """
 
     stamp_ns: int
-    xyz: NDArray[np.float32]
-    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    pose: FloatArray | None = None
-    boxes: tuple[Box, ...] | None = None
+    xyz: NDArray[np.float32]  # (N, 3) metres
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # further ones, (N,) each
+    pose: FloatArray | None = None  # (4, 4) `world_from_sweep`; None if the data set has none
+    boxes: tuple[Box, ...] | None = None  # None if the sweep was not annotated
+    # (N, 3) metres to the next sweep, in the next sweep's frame; None: by poses and boxes.
     flow: NDArray[np.float32] | None = None
-    flow_valid: NDArray[np.bool_] | None = None
-    dynamic: NDArray[np.bool_] | None = None
-    class_id: NDArray[np.uint8] | None = None
-    labelled: NDArray[np.bool_] | None = None
-    ground: NDArray[np.bool_] | None = None
-    own_vehicle: NDArray[np.bool_] | None = None
+    flow_valid: NDArray[np.bool_] | None = None  # (N,) the given flow is known; None: everywhere
+    dynamic: NDArray[np.bool_] | None = None  # (N,) the surface itself moves; None: by the flow
+    class_id: NDArray[np.uint8] | None = None  # (N,) `SurfaceClass`; None: that of its box
+    labelled: NDArray[np.bool_] | None = None  # (N,) inside the annotated area; None: all points
+    ground: NDArray[np.bool_] | None = None  # (N,); None: to be segmented
+    own_vehicle: NDArray[np.bool_] | None = None  # (N,) returns of the vehicle with the lidar
 
     def __post_init__(self) -> None:
         name = f"sweep of stamp {self.stamp_ns}"
@@ -119,19 +98,12 @@ class LabelledSweep:
 
 @dataclass(frozen=True)
 class SweepSource:
-    """The sweeps of one sequence, read one at a time.
+    """The sweeps of one sequence, read one at a time."""
 
-    Attributes:
-        frame_id: Frame of the points.
-        num_sweeps: Number of sweeps.
-        sweeps: Sweeps in the order of their stamps; can be iterated once.
-        note: A warning for the user; may be empty.
-    """
-
-    frame_id: str
+    frame_id: str  # of the points
     num_sweeps: int
-    sweeps: Iterable[LabelledSweep]
-    note: str = ""
+    sweeps: Iterable[LabelledSweep]  # in the order of their stamps; can be iterated once
+    note: str = ""  # a warning for the user; may be empty
 
     def part(self, first: int = 0, count: int | None = None) -> "SweepSource":
         """Returns the sweeps from number `first` on, counted from 0, at most `count` of them.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps in npz files: the project's own layout, and that of the authors of NSFP, FNSF and MNSF."""
+"""Sweeps in npz files: the project's layout, and the layout of NSFP, FNSF and MNSF."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -92,17 +92,11 @@ def curves(
 
 
 class Panel(NamedTuple):
-    """An object in another sweep.
-
-    Attributes:
-        title: A line above it.
-        points: (Q, 3) metres, the other sweep around it.
-        positions: State to (P, 3) metres, the object's points; states as in the legend.
-    """
+    """An object in another sweep."""
 
     title: str
-    points: NDArray[np.float32]
-    positions: dict[str, NDArray[np.float32]]
+    points: NDArray[np.float32]  # (Q, 3) metres, the other sweep around it
+    positions: dict[str, NDArray[np.float32]]  # its points (P, 3) by their state, see the legend
 
 
 @mpl.rc_context({"text.parse_math": False})  # a dollar sign in a name is no formula

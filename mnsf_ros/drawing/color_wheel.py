@@ -51,7 +51,7 @@ def wheel_image(num_pixels: int) -> NDArray[np.float64]:
     """Returns the wheel of colours, x to the right and y up, full colour on its rim.
 
     (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel;
-    the colours are those of the root of the length, as in `packed_colors`.
+    colours depend on the root of the length, as in `packed_colors`.
     """
     across = np.linspace(-1.0, 1.0, num_pixels)
     x, y = np.meshgrid(across, across[::-1])
@@ -73,7 +73,7 @@ def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[
 
 
 def error_colors_rgb(errors_m: NDArray[Any]) -> NDArray[np.float64]:
-    """Returns (N, 3) RGB, each 0 to 255, of errors (N,) in metres; that of no error for NaN."""
+    """Returns (N, 3) RGB, each 0 to 255, of errors (N,) in metres; NaN has the colour of 0."""
     place = np.nan_to_num(np.clip(errors_m / FULL_ERROR_M, 0.0, 1.0)) * 2
     return np.column_stack([np.interp(place, (0, 1, 2), ramp) for ramp in _ERROR_RAMP.T])
 

@@ -34,7 +34,7 @@ _PITCH_DEG: Final = 35.0
 _FOCAL_PX: Final = 395.0 * _SCALE
 _NEAREST_M: Final = 2.0
 _FARTHEST_M: Final = 120.0
-_GROUND_M: Final = -1.8  # about so far below the lidar of a car
+_GROUND_M: Final = -1.8  # usual height below the lidar of a car
 _STATIC_PX: Final = 2
 _MOVING_PX: Final = 4
 _WHEEL_PX: Final = 50
@@ -50,16 +50,10 @@ def frame(
     full_speed_m_s: float,
     errors_m: NDArray[np.floating[Any]] | None = None,
 ) -> bytes:
-    """Draws a sweep once for each of several velocities, and its errors from above, side by side.
+    """Returns a PNG file of a sweep, once for each velocity, and its errors from above.
 
-    Args:
-        xyz: (N, 3) metres, sensor frame, x forward.
-        velocities: Each (N, 3) m/s over ground; static points are grey.
-        full_speed_m_s: Speed of the full colour.
-        errors_m: (N,) metres, NaN where unknown; None: not drawn.
-
-    Returns:
-        A PNG file.
+    Points (N, 3) are metres in the sensor frame, x forward; velocities (N, 3) m/s over ground, of
+    full colour from a speed on; errors (N,) NaN where unknown.
     """
     above = [] if errors_m is None else [_from_above(xyz, errors_m)]
     width = len(velocities) * (_WIDTH_PX + _GAP_PX) - _GAP_PX

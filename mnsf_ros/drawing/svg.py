@@ -32,17 +32,22 @@ def dot_chart(rows: Rows, series: Sequence[str], unit: str, *, is_log: bool = Fa
     100.
     """
     values = [value for own in rows.values() for value in own.values() if math.isfinite(value)]
-    axis = _LogAxis(values) if is_log else _Axis(values)
+    ticks, scaled = (_decades(values), _log) if is_log else (_to_100(values), float)
+    low, high = scaled(ticks[0]), scaled(ticks[-1])
+
+    def x_of(value: float) -> float:
+        return _LEFT + (scaled(value) - low) / (high - low) * (_WIDTH - _LEFT - _RIGHT)
+
     bottom = _ROW * len(rows)
     parts = [_text((_LEFT + _WIDTH - _RIGHT) / 2, bottom + 30, unit, "middle")]
-    for tick in axis.ticks:
-        x = axis.x(tick)
+    for tick in ticks:
+        x = x_of(tick)
         parts += [_line(x, 0, x, bottom), _text(x, bottom + 14, f"{tick:g}", "middle")]
     for place, (name, own) in enumerate(rows.items()):
         y = _ROW * (place + 0.5)
         parts += [_text(_LEFT - 10, y + 4, name, "end"), _line(_LEFT, y, _WIDTH - _RIGHT, y)]
         parts += [
-            _dot(axis.x(own[one]), y, color_of(number), f"{one}: {own[one]:.4g}")
+            _dot(x_of(own[one]), y, color_of(number), f"{one}: {own[one]:.4g}")
             for number, one in enumerate(series)
             if math.isfinite(own.get(one, math.nan))
         ]
@@ -50,33 +55,22 @@ def dot_chart(rows: Rows, series: Sequence[str], unit: str, *, is_log: bool = Fa
     return f'<svg viewBox="0 0 {_WIDTH} {height}" font-size="12" role="img">{"".join(parts)}</svg>'
 
 
-class _Axis:
-    """An axis from a multiple of 20 to 100."""
-
-    def __init__(self, values: Sequence[float]) -> None:
-        low = min(80.0, 20.0 * math.floor(min(values, default=0.0) / 20))
-        self.ticks = [low + (100.0 - low) * step / _NUM_STEPS for step in range(_NUM_STEPS + 1)]
-
-    def x(self, value: float) -> float:
-        """Returns the place of a value in the picture."""
-        low, high = self._scaled(self.ticks[0]), self._scaled(self.ticks[-1])
-        return _LEFT + (self._scaled(value) - low) / (high - low) * (_WIDTH - _LEFT - _RIGHT)
-
-    def _scaled(self, value: float) -> float:
-        return value
+def _to_100(values: Sequence[float]) -> list[float]:
+    """Ticks from the multiple of 20 below all values to 100."""
+    low = min(80.0, 20.0 * math.floor(min(values, default=0.0) / 20))
+    return [low + (100.0 - low) * step / _NUM_STEPS for step in range(_NUM_STEPS + 1)]
 
 
-class _LogAxis(_Axis):
-    """An axis of decades."""
+def _decades(values: Sequence[float]) -> list[float]:
+    """Ticks at powers of ten around all values."""
+    logs = [_log(value) for value in values] or [0.0]
+    first, last = math.floor(min(logs)), math.ceil(max(logs))
+    step = 1 + (last - first) // _MAX_DECADES
+    return [10.0**decade for decade in range(first, max(last, first + 1) + step, step)]
 
-    def __init__(self, values: Sequence[float]) -> None:
-        logs = [self._scaled(value) for value in values] or [0.0]
-        first, last = math.floor(min(logs)), math.ceil(max(logs))
-        step = 1 + (last - first) // _MAX_DECADES
-        self.ticks = [10.0**decade for decade in range(first, max(last, first + 1) + step, step)]
 
-    def _scaled(self, value: float) -> float:
-        return math.log10(max(value, _SMALLEST))
+def _log(value: float) -> float:
+    return math.log10(max(value, _SMALLEST))
 
 
 def _dot(x: float, y: float, color: str, title: str) -> str:

@@ -82,6 +82,11 @@ class Cloud:
         poses[:, :3, 3] += moved[:, :3]
         return poses
 
+    @property
+    def upper(self) -> "Cloud":
+        """The points that are not near the ground, as if measured in one moment."""
+        return Cloud.at_once(self.points[: self.num_standing])
+
     def __len__(self) -> int:
         return len(self.points)
 

@@ -116,6 +116,12 @@ class SweepMatcher:
                 return found
         return self._searched(cloud)
 
+    def share_matched(self, cloud: Cloud, expected: NDArray[np.float64]) -> float:
+        """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
+        start = Placed(expected, np.eye(6))
+        _, there = self._aligned(cloud, start, start)
+        return there.support / max(len(cloud), 1)
+
     def _near(self, cloud: Cloud, expected: Placed) -> tuple[Placed, Comparison]:
         """The likeliest pose near an expected one, with the comparison there."""
         found = self._aligned(cloud, expected, expected)
@@ -136,7 +142,7 @@ class SweepMatcher:
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
         stride = max(1, cloud.num_standing // _SEARCH_POINTS)
-        some = Cloud.at_once(np.ascontiguousarray(cloud.points[: cloud.num_standing : stride]))
+        some = Cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
         starts = [self._last_pose]
         for angles_deg, shifts_m in _SEARCHED:
             places = [

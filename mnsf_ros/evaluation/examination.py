@@ -55,7 +55,7 @@ class Examiner:
         # Odometry is judged by registration.
         source = {"ego_motion.source": EgoSource.REGISTRATION.value}
         self._stream = Stream(settings.changed(source), "online")
-        self.check = InputCheck(settings, self._stream.mounting, is_thorough=True)
+        self.check = InputCheck(settings, self._stream.mounting, self._stream.rotation)
         self.findings = Findings(mounting=self._stream.mounting, input_check=self.check)
 
     def add(self, sweep: Sweep) -> None:

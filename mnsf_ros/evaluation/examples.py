@@ -24,18 +24,13 @@ from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 class Example:
     """A triplet with the true flow of its current sweep, if known.
 
-    Attributes:
-        recording: Name of the recording.
-        number: Index of the current sweep in the recording, counted from 0.
-        triplet: The sweeps as every method gets them: all measured points, as in the live node.
-            `kept` of each sweep says which of them count, see `kept_points`.
-        truth: True flow of all points of the current sweep, row for row; None if unknown.
+    Its sweeps have all measured points, as in the live node; `kept` of each is from `kept_points`.
     """
 
-    recording: str
-    number: int
+    recording: str  # name
+    number: int  # index of the current sweep in the recording
     triplet: SweepTriplet
-    truth: FlowTruth | None = None
+    truth: FlowTruth | None = None  # of all points of the current sweep, row for row
 
     @property
     def scored(self) -> NDArray[np.bool_]:
@@ -145,9 +140,9 @@ class ExampleBuilder:
     def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
         if self._truth is None:
             return None
-        truth, passed_over = self._truth.take(sweep)
-        self._findings.count(Event.TRUTH_WITHOUT_SWEEP, passed_over)
-        if passed_over and len(self._buffer) and self._newest[1] is not None:
+        truth, num_skipped = self._truth.take(sweep)
+        self._findings.count(Event.TRUTH_WITHOUT_SWEEP, num_skipped)
+        if num_skipped and len(self._buffer) and self._newest[1] is not None:
             # The truth of the last sweep leads to a sweep that is missing.
             self._interrupt()
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))

@@ -27,7 +27,7 @@ def exported_sweeps(
 ) -> Iterator[ExportedSweep]:
     """Yields the sweeps of a recording with the estimates of a method, in stamp order.
 
-    `warn` gets a line for each sweep without an estimate, and for what is damaged.
+    `warn` gets a line for each sweep without an estimate, and for damage.
 
     Raises:
         MnsfError: The method cannot be made, or the ego motion is not known.

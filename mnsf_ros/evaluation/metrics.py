@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The errors of an estimated flow against pseudo ground truth, as the paper computes them.
 
-The formulas are those of the paper's own code, at its edges too:
+The formulas are from the paper's own code, including its edge cases:
 
 * All comparisons are strict: an error of exactly 0.05 m is not within 5 cm.
 * The relative error is e / (|truth| + 1e-20). A perfect zero counts as accurate, but a static
@@ -34,22 +34,13 @@ SPEED_LIMITS_M_S: Final = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, np.inf)
 
 @dataclass(frozen=True)
 class FlowErrors:
-    """The errors of one flow, or their mean over several.
+    """The errors of one flow; NaN without points. Shares are 0 to 1."""
 
-    Attributes:
-        epe_m: Mean end point error, metres.
-        acc5: Share of points with an error below 5 cm or 5 % of the true length, 0 to 1.
-        acc10: The same with 10 cm and 10 %.
-        outliers: Share of points with an error above 30 cm or 10 % of the true length, 0 to 1.
-        angle_error_rad: Mean angle between the estimated and the true vector, radians.
-        num_points: Number of points scored. All errors are NaN where it is 0.
-    """
-
-    epe_m: float
-    acc5: float
-    acc10: float
-    outliers: float
-    angle_error_rad: float
+    epe_m: float  # mean end point error
+    acc5: float  # share of points with an error below 5 cm or 5 % of the true length
+    acc10: float  # the same with 10 cm and 10 %
+    outliers: float  # share of points with an error above 30 cm or 10 % of the true length
+    angle_error_rad: float  # mean angle between the estimated and the true vector
     num_points: int
 
 

@@ -58,33 +58,19 @@ class LostBy(Enum):
 
 @dataclass(frozen=True)
 class ObjectRow:
-    """Score of one true object in one sweep.
+    """Score of one true object in one sweep."""
 
-    Attributes:
-        object_id: Its number in the truth.
-        kind: Its `SurfaceClass` in lower case; `unknown` without a label.
-        moves: Whether most of its points are dynamic in truth.
-        speed_m_s: Its true speed over ground.
-        range_m: Its horizontal distance from the sensor.
-        num_points: Its scored points.
-        called: Share of its points that are called dynamic.
-        velocity_error_m_s: Error of its tracked object after 0.5 s of tracking; else NaN.
-        direction_error_rad: Likewise, from 1 m/s on.
-        place_m: Median x and y of its points, sensor frame.
-        lost_by: Stage that rejected a mover; None if it is found or the method does not say.
-    """
-
-    object_id: int
-    kind: str
-    moves: bool
-    speed_m_s: float
-    range_m: float
-    num_points: int
-    called: float
-    velocity_error_m_s: float = math.nan
-    direction_error_rad: float = math.nan
-    place_m: tuple[float, float] = (math.nan, math.nan)
-    lost_by: LostBy | None = None
+    object_id: int  # in the truth
+    kind: str  # `SurfaceClass` in lower case; `unknown` without a label
+    moves: bool  # most of its points are dynamic in truth
+    speed_m_s: float  # true speed over ground
+    range_m: float  # horizontal distance from the sensor
+    num_points: int  # scored points
+    called: float  # share of its points that are called dynamic
+    velocity_error_m_s: float = math.nan  # of its tracked object, after 0.5 s of tracking
+    direction_error_rad: float = math.nan  # likewise, from 1 m/s on
+    place_m: tuple[float, float] = (math.nan, math.nan)  # median x and y, sensor frame
+    lost_by: LostBy | None = None  # stage that rejected a mover, if the method has reasons
 
     @property
     def is_found(self) -> bool:
@@ -94,41 +80,24 @@ class ObjectRow:
 
 @dataclass(frozen=True)
 class MoverRow:
-    """Score of the movers of one sweep.
+    """Score of the movers of one sweep."""
 
-    Attributes:
-        points: Numbers of true positive, false positive and false negative dynamic points. Points
-            that move too slowly to be dynamic count in none.
-        num_ghosts: False movers: tracked objects, or motions, with most points static in truth.
-        objects: True movers and objects called movers; empty without object ids.
-        standing: Numbers of the true objects that are static and not called movers.
-    """
-
-    points: tuple[int, int, int]
-    num_ghosts: int
-    objects: list[ObjectRow] = field(default_factory=list)
-    standing: list[int] = field(default_factory=list)
+    points: tuple[int, int, int]  # true positive, false positive, false negative dynamic points
+    num_ghosts: int  # false movers: tracked objects, or motions, most of which are static in truth
+    objects: list[ObjectRow] = field(default_factory=list)  # true movers, and objects called so
+    standing: list[int] = field(default_factory=list)  # ids of other objects, if they are static
 
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
-    """The truth of the M scored points of a sweep.
+    """The truth of the M scored points of a sweep."""
 
-    Attributes:
-        xyz: (M, 3) metres, sensor frame.
-        velocity: (M, 3) metres per second over ground, axes of the current sweep.
-        dynamic: (M,) bool.
-        class_id: (M,) `SurfaceClass`, 0 if unknown.
-        object_id: (M,) number of the object, 0 for points of none; None if unknown.
-        interval_s: Time to the next sweep.
-    """
-
-    xyz: NDArray[np.float32]
-    velocity: NDArray[np.float64]
-    dynamic: NDArray[np.bool_]
-    class_id: NDArray[np.uint8]
-    object_id: NDArray[Any] | None
-    interval_s: float = USUAL_INTERVAL_S
+    xyz: NDArray[np.float32]  # (M, 3) metres, sensor frame
+    velocity: NDArray[np.float64]  # (M, 3) m/s over ground, axes of the current sweep
+    dynamic: NDArray[np.bool_]  # (M,)
+    class_id: NDArray[np.uint8]  # (M,) `SurfaceClass`, 0 if unknown
+    object_id: NDArray[Any] | None  # (M,) 0 for points of no object; None if unknown
+    interval_s: float = USUAL_INTERVAL_S  # to the next sweep
 
     def mean_motion(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Returns the mean motion (3,) of some points until the next sweep, metres over ground."""

@@ -24,20 +24,12 @@ Result = TypeVar("Result")
 
 @dataclass(eq=False)
 class Outcome:
-    """Outcome of an example.
-
-    Attributes:
-        example: The example.
-        result: The estimate, or the reason for its absence in one line.
-        time_ms: Run time of preparation and estimate; NaN if dropped.
-        latency_ms: From the arrival of its next sweep to the end of the estimate; NaN if dropped,
-            or if not replayed in real time.
-    """
+    """Outcome of an example; times are NaN if it is dropped."""
 
     example: Example
-    result: FlowEstimate | str = DROPPED
-    time_ms: float = math.nan
-    latency_ms: float = math.nan
+    result: FlowEstimate | str = DROPPED  # the estimate, or the reason for its absence in one line
+    time_ms: float = math.nan  # run time of preparation and estimate
+    latency_ms: float = math.nan  # from the arrival of its next sweep on, if replayed in real time
 
 
 def estimated(stream: Stream, example: Example) -> Outcome:

@@ -134,7 +134,7 @@ def _events_in_process(task: EvaluationTask, options: EvaluationOptions) -> list
     try:
         return _all_events(task, options)
     except KeyboardInterrupt:
-        # The pool would go on with another task.
+        # Otherwise the pool would start another task.
         signal.raise_signal(signal.SIGKILL)
         raise
     finally:

@@ -160,7 +160,7 @@ def from_json(text: str, kind: type[Kind], place: str) -> Kind:
     """
     try:
         return _CONVERTER.structure(json.loads(text), kind)
-    except Exception as error:  # cattrs raises groups of whatever its hooks raise
+    except Exception as error:  # cattrs raises groups of any errors of its hooks
         reason = cattrs.transform_error(error, path="")[0].removesuffix(" @ ")
         shown = " ".join(text[:_MAX_SHOWN].split())
         raise EvaluationError(f"{place}: cannot be read ({reason}): {shown!r}") from error
@@ -204,7 +204,7 @@ def _converter() -> cattrs.Converter:
     return converter
 
 
-def _number(value: Any, _: type) -> float:  # noqa: ANN401 - whatever JSON has there
+def _number(value: Any, _: type) -> float:  # noqa: ANN401 - any value of JSON
     return math.nan if value is None else float(value)
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, range_sums, three_way_sums
+from mnsf_ros.evaluation.argoverse_metrics import Sums, bucket_sums, range_sums, three_way_sums
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import (
     RANGE_LIMITS_M,
@@ -32,49 +32,28 @@ DROPPED: Final = "dropped: a newer triplet took its place"
 
 @dataclass(frozen=True)
 class ResultRow:
-    """Result of one method on one example. Every field survives JSON unchanged.
+    """Result of one method on one example. Every field survives JSON unchanged."""
 
-    Attributes:
-        recording: Name of the recording.
-        number: Index of the sweep in the recording.
-        stamp_ns: Stamp of the sweep.
-        method: Name of the method.
-        num_points: Scored points of the current sweep.
-        time_ms: Wall time of the whole estimate, device synchronized; NaN if it failed.
-        stage_times_ms: Stage to wall time.
-        stop_reasons: Stage to the stop reason of its optimization.
-        iterations: Stage to number of steps.
-        errors: Group of points (all, dynamic, static) to its errors; empty without truth.
-        by_range: Upper limit of a range bin in metres, as text, to its errors.
-        by_speed: Upper limit of a bin of true residual speed in m/s, as text, to its errors.
-        sums: Group of points of the metrics of Argoverse 2 to number of points, sum of errors and
-            sum of motion, see `argoverse_metrics`.
-        consistency: Figures without truth: nearest_m (mean distance of the moved points to the next
-            sweep), zero_nearest_m (the same for zero flow).
-        latency_ms: From the arrival of the next sweep to the flow, in real time; else NaN.
-        start: Source of the start weights (warm or cold); empty if the method has none.
-        failure: Reason for a missing flow in one line; None if there is one.
-        movers: Score of the movers, with truth, of methods that detect them; else None.
-    """
-
-    recording: str
-    number: int
+    recording: str  # name
+    number: int  # index of the sweep in the recording
     stamp_ns: int
     method: str
-    num_points: int
-    time_ms: float = float("nan")
+    num_points: int  # scored points of the current sweep
+    time_ms: float = math.nan  # wall time of the estimate, device synchronized; NaN if it failed
     stage_times_ms: dict[str, float] = field(default_factory=dict)
-    stop_reasons: dict[str, str] = field(default_factory=dict)
-    iterations: dict[str, int] = field(default_factory=dict)
+    stop_reasons: dict[str, str] = field(default_factory=dict)  # of optimizations, by stage
+    iterations: dict[str, int] = field(default_factory=dict)  # by stage
+    # By group of points (all, dynamic, static); empty without truth.
     errors: dict[str, FlowErrors] = field(default_factory=dict)
+    # By upper limit of bins of range (m) and of true speed over ground (m/s).
     by_range: dict[str, FlowErrors] = field(default_factory=dict)
     by_speed: dict[str, FlowErrors] = field(default_factory=dict)
-    sums: dict[str, list[float]] = field(default_factory=dict)
-    consistency: dict[str, float] = field(default_factory=dict)
-    latency_ms: float = float("nan")
-    start: str = ""
-    failure: str | None = None
-    movers: MoverRow | None = None
+    sums: Sums = field(default_factory=dict)  # see `argoverse_metrics`
+    consistency: dict[str, float] = field(default_factory=dict)  # see `landing_distances`
+    latency_ms: float = math.nan  # from the arrival of the next sweep to the flow, in real time
+    start: str = ""  # of the estimate, warm or cold and why; empty if the method has none
+    failure: str | None = None  # reason for a missing flow, in one line
+    movers: MoverRow | None = None  # with truth, of methods that find movers
 
     @property
     def task(self) -> tuple[str, str]:
@@ -102,7 +81,7 @@ class ResultRow:
 
 # Static points determine the ego motion if there are this many, with a second largest standard
 # deviation of this much: not if they are close together or collinear.
-_MIN_STANDING = 20
+_MIN_STATIC = 20
 _MIN_SPREAD_M = 1.0
 # Ego motion is fitted to this many parts of a sweep, by the times of their points.
 _NUM_TIMES = 12
@@ -121,7 +100,7 @@ def failed_row(example: Example, method: str, failure: str) -> ResultRow:
 
 
 def scored_row(
-    example: Example, method: str, estimate: FlowEstimate, time_ms: float = float("nan")
+    example: Example, method: str, estimate: FlowEstimate, time_ms: float = math.nan
 ) -> ResultRow:
     """Scores an estimate that took `time_ms` of wall time.
 
@@ -188,7 +167,7 @@ def _of_one_time(
     times_s: NDArray[np.float32] | None, number: int
 ) -> list[slice] | list[NDArray[np.int64]]:
     """Returns parts of a sweep by time, as ego motion changes in a bend; one without times."""
-    if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
+    if times_s is None or number < _NUM_TIMES * _MIN_STATIC:
         return [slice(None)]
     return np.array_split(np.argsort(times_s, kind="stable"), _NUM_TIMES)
 
@@ -200,14 +179,14 @@ def _sensor_motion(
     odometry: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """(4, 4) next_from_current, from the true flow of static points: odometry may be worse."""
-    standing = xyz[~dynamic]
-    if odometry is not None and not _fix_a_motion(standing):
+    static = xyz[~dynamic]
+    if odometry is not None and not _fix_a_motion(static):
         return odometry
-    return fit_rigid_motion(standing, true_flow[~dynamic])
+    return fit_rigid_motion(static, true_flow[~dynamic])
 
 
 def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
-    if len(xyz) < _MIN_STANDING:
+    if len(xyz) < _MIN_STATIC:
         return False
     variances = np.linalg.eigvalsh(np.cov(xyz.astype(np.float64).T))
     return bool(variances[1] >= _MIN_SPREAD_M**2)

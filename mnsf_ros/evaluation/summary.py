@@ -190,7 +190,7 @@ def _scored(rows: Iterable[ResultRow]) -> list[tuple[ResultRow, MoverRow]]:
 
 
 def _after_grace(own: pd.DataFrame, first_s: float) -> pd.DataFrame:
-    """The lines of movers that have been in view for so long."""
+    """Returns the lines of movers that have been in view for `first_s`."""
     begin_s = own.groupby("view")["time_s"].transform("min")
     return own[own["time_s"] - begin_s >= first_s - _TINY_S]
 

@@ -58,16 +58,15 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, then pictures for a report, and at the very end a
-        FinishedTask.
+        A row for each example at once, then pictures for a report, and at last a FinishedTask.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
     """
     recording, num_rows = task.recording, len(task.skipped)
-    findings = Findings()
-    findings.input_check = check = InputCheck(options.settings, findings.mounting, is_thorough=True)
-    stream = Stream(options.settings, task.method.name)
+    findings, stream = Findings(), Stream(options.settings, task.method.name)
+    check = InputCheck(options.settings, findings.mounting, stream.rotation)
+    findings.input_check = check
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
     painter = Painter(options.pictures, is_animated=not stream.traits.is_reference)

@@ -42,21 +42,13 @@ Item = TypeVar("Item", bound=_Stamped)
 
 @dataclass(frozen=True, eq=False)
 class CloudRows:
-    """Rows of a sweep in the recorded cloud; the `source` of a recorded sweep.
+    """Rows of a sweep in the recorded cloud; the `source` of a recorded sweep."""
 
-    Attributes:
-        rows: (N,) row of each point of the sweep, counted row by row in the cloud.
-        num_points: Points of the cloud, also those that are not in the sweep.
-        recording: Name of the recording.
-        rings: (N,) number of the beam of each point; None if unknown.
-        parts: The clouds of the revolution, if it has several; rows go on from one to the next.
-    """
-
-    rows: NDArray[np.int64]
-    num_points: int
-    recording: str = ""
-    rings: NDArray[np.integer[Any]] | None = None
-    parts: Sequence[Sweep] = ()
+    rows: NDArray[np.int64]  # (N,) of the points of the sweep
+    num_points: int  # of the cloud, also those that are not in the sweep
+    recording: str = ""  # name
+    rings: NDArray[np.integer[Any]] | None = None  # (N,) number of the beam; None if unknown
+    parts: Sequence[Sweep] = ()  # clouds of the revolution, if several; rows count through them
 
 
 def recorded_sweeps(

@@ -25,7 +25,7 @@ _SAME_POINT_M: Final = 1e-3
 # A lossy codec changes less, the truth of another sweep differs nearly everywhere.
 _MAX_UNFIT: Final = 0.1
 # All truth of a recording may be unfit in the same way.
-_MAX_TOLD: Final = 3
+_MAX_REPORTED: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class TruthTrack:
     """Matches truth clouds to sweeps, both in stamp order; holds one cloud at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
-        """Begins before the first cloud; `name` is that of the recording in texts on damage."""
+        """Begins before the first cloud; damage is reported under the name."""
         self._clouds = iter(clouds)
         self._findings = findings
         self._name = name
@@ -95,21 +95,21 @@ class TruthTrack:
             known = [truth for truth, _ in taken if truth is not None]
             is_known = len(known) == len(taken)
             return FlowTruth.joined(known) if is_known else None, sum(n for _, n in taken)
-        passed_over = 0
+        num_skipped = 0
         while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)
-            passed_over += 1
+            num_skipped += 1
         if self._head is None or self._head.stamp_ns > sweep.stamp_ns + _SAME_STAMP_NS:
-            return None, passed_over
+            return None, num_skipped
         cloud, self._head = self._head, next(self._clouds, None)
         try:
-            return cloud.of(sweep, self._findings), passed_over
+            return cloud.of(sweep, self._findings), num_skipped
         except RecordingError as error:
-            if self._findings.counts[Event.TRUTH_UNFIT] < _MAX_TOLD:
+            if self._findings.counts[Event.TRUTH_UNFIT] < _MAX_REPORTED:
                 where = f"truth at stamp {cloud.stamp_ns}"
                 self._findings.report(Damage(self._name, where, str(error)))
             self._findings.count(Event.TRUTH_UNFIT)
-            return None, passed_over
+            return None, num_skipped
 
 
 def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a PointCloud2
@@ -123,7 +123,7 @@ def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a 
 
 
 def _is_near(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.bool_]:
-    """Whether each position (N, 3) is the same as that of the point in the same row of a sweep."""
+    """Whether each position (N, 3) equals the point in the same row of a sweep."""
     with np.errstate(all="ignore"):
         near = np.isclose(positions, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
     return np.asarray(near.all(axis=1))

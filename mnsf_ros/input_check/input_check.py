@@ -4,11 +4,11 @@
 import threading
 from typing import Final
 
+from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.imu_fit import ImuFit
-from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.mounting import Mounting
 from mnsf_ros.input_check.odometry_fit import OdometryFit
 from mnsf_ros.input_check.own_body import OwnBody
@@ -36,14 +36,14 @@ class InputCheck:
     """
 
     def __init__(
-        self, settings: Settings, mounting: MountingEstimate, *, is_thorough: bool = False
+        self, settings: Settings, mounting: MountingEstimate, rotation: LidarRotation
     ) -> None:
         """Starts without clouds.
 
         Args:
             settings: Those of the stream.
             mounting: That of the stream.
-            is_thorough: Whether it may keep some sweeps, and take seconds for `findings`.
+            rotation: That of the stream.
         """
         self.num_clouds = 0
         self._lock = threading.Lock()
@@ -51,7 +51,7 @@ class InputCheck:
             CloudLayout(),
             Revolution(),
             Stamps(),
-            TimesOfPoints(LidarRotation(settings.ego_motion, mounting) if is_thorough else None),
+            TimesOfPoints(rotation),
             Mounting(mounting),
             OwnBody(is_searched=settings.crop.own_body == "auto"),
         )

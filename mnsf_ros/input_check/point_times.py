@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
-from mnsf_ros.input_check.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 
 _ASSUMPTION: Final = "each point has its time of measurement"
@@ -43,8 +43,8 @@ class _Times(NamedTuple):
 class TimesOfPoints(Assumption):
     """Compares the times of points with the interval of stamps and with azimuths."""
 
-    def __init__(self, rotation: LidarRotation | None) -> None:
-        """Starts without clouds; `rotation` finds out whether a lidar without times turns."""
+    def __init__(self, rotation: LidarRotation) -> None:
+        """Starts without clouds; `rotation` is that of the stream."""
         self._rotation = rotation
         self._times: deque[_Times] = deque(maxlen=100)
         self._intervals_s: deque[float] = deque(maxlen=100)
@@ -69,15 +69,16 @@ class TimesOfPoints(Assumption):
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""
-        if self._rotation is not None and not self._times:
-            self._rotation.add(step.after)
         if step.interval_s > 0:
             self._speeds_m_s.append(step.way_m / step.interval_s)
 
     def facts(self) -> dict[str, str]:
         """Times of points, in words."""
         if not self._times:
-            return {"times of points": "none: a cloud counts as taken in one moment"}
+            how = "a cloud counts as taken in one moment"
+            if self._rotation.is_found:
+                how = "methods get times by the order of the points, as the lidar turns"
+            return {"times of points": f"none: {how}"}
         order = "" if self._is_turning else "not "
         text = f"{self._source}, {1e3 * self._span_s:.1f} ms a sweep, {order}in order of azimuth"
         return {"times of points": text}
@@ -106,15 +107,10 @@ class TimesOfPoints(Assumption):
         return bool(np.median([one.is_turning for one in self._times]))
 
     def _without(self) -> Iterator[Finding]:
-        rotation = None if self._rotation is None else self._rotation.find()
-        if rotation is not None:
-            found = (
-                "points have no times, but the lidar turns: static things stay within "
-                f"{rotation.off_m:.3f} m with times by the azimuth, {rotation.off_without_m:.3f} m "
-                "without"
-            )
-            remedy = f"Publish the time of each point, or set time.field={rotation.times}"
-            yield Finding(_ASSUMPTION, Severity.WARNING, found, remedy)
+        if self._rotation.is_found:
+            found = "points have no times, but the lidar turns; methods get times by their order"
+            remedy = "Publish the time of each point: it holds from the first sweep on"
+            yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
             return
         speed_m_s = float(np.median(self._speeds_m_s)) if self._speeds_m_s else 0.0
         if speed_m_s > _SLOW_M_S and self._intervals_s:

@@ -129,7 +129,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
         distance = self._distances.get(sweep)
         if distance is None:
             points = on_device(sweep.thinned, compute_device(self.settings.compute))
-            distance = TargetDistance.to_points(points, self.settings.distance)
+            distance = TargetDistance(points, self.settings.distance)
             self._distances[sweep] = distance
         self._kinds.add(distance.kind)
         return distance

@@ -24,7 +24,7 @@ _PLANE: Final = _NODES**2
 _AXIS_BITS: Final = 21
 _STEPS: Final = (1 << 2 * _AXIS_BITS, 1 << _AXIS_BITS, 1)
 
-# Nodes of points are at most so far from the origin: float32 resolves half a cell there.
+# Largest distance of nodes from the origin: float32 resolves half a cell there.
 _MAX_NODE: Final = 2**23
 
 # Bricks of one batch. What a batch of 32 reads and writes stays in the cache of a core, 50 kB for

@@ -37,7 +37,7 @@ class CellSearch:
             np.eye(4),
             np.zeros(len(own), np.float32),
         )
-        # Where two points meet there is no direction.
+        # Equal points have no direction.
         lengths = np.maximum(distances, 1e-9)[:, None]
         gradients = torch.from_numpy((-to_nearest / lengths).astype(np.float32))
         distances[~np.isfinite(own).all(axis=1)] = np.nan

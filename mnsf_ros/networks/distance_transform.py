@@ -31,7 +31,7 @@ class DistanceTransform:
     """Distances to a sweep on a grid, interpolated trilinearly between the nodes.
 
     Attributes:
-        distances: (nx, ny, nz) float32, metres, those of the nodes, on the device of the points.
+        distances: (nx, ny, nz) float32, metres, at the nodes, on the device of the points.
         low: (3,) metres, the first node.
         high: (3,) metres, the last node.
     """

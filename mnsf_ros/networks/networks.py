@@ -13,8 +13,8 @@ from torch.nn import functional
 
 from mnsf_ros.settings import FieldSettings, FusionSettings
 
-# Encoded positions: the shortest wavelength, of which a quarter is the width of a pedestrian, and
-# the unit of what is not encoded, for inputs of about 1.
+# Encoded positions: the shortest wavelength, four times the width of a pedestrian, and the unit of
+# x, y and z, for inputs of about 1.
 _SHORTEST_M = 2.0
 _UNIT_M = 10.0
 
@@ -27,7 +27,7 @@ class Perceptron(nn.Module):
 
     Hidden layers are each followed by a ReLU, the output layer is not; the "8-layer" network of
     the paper has 8 hidden layers and 9 linear ones. Weights start uniformly after Xavier, from a
-    generator on the CPU, biases at zero. `precision` is that of the products between hidden layers.
+    generator on the CPU, biases at zero. Products between hidden layers have the `precision`.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ def invert_motion(backward_flow: torch.Tensor, interval_ratio: float = 1.0) -> t
     return -interval_ratio * backward_flow
 
 
-class MlpFusion(nn.Module):
+class MlpFusion(Perceptron):
     """The fusion of the paper: a perceptron from (f, f') to the flow, shared by all points.
 
     As of all fusions, the input has K flows side by side, (M, 3 K) metres, the output is (M, 3).
@@ -120,19 +120,13 @@ class MlpFusion(nn.Module):
         num_flows: int = 2,
         precision: torch.dtype = torch.float32,
     ) -> None:
-        super().__init__()
-        self._takes_sum = settings.input == "sum"
-        num_inputs = 3 if self._takes_sum else 3 * num_flows
-        self._layers = Perceptron(settings, generator, num_inputs, precision)
+        takes_sum = settings.input == "sum"
+        super().__init__(settings, generator, 3 if takes_sum else 3 * num_flows, precision)
+        self._takes_sum = takes_sum
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
         """Fuses flows."""
-        inputs = _apart(flows).sum(dim=1) if self._takes_sum else flows
-        return self._layers(inputs)
-
-    def start_at_zero(self) -> None:
-        """Makes the output zero until the first step."""
-        self._layers.start_at_zero()
+        return super().forward(_apart(flows).sum(dim=1) if self._takes_sum else flows)
 
 
 class CorrectedMean(nn.Module):

@@ -23,18 +23,14 @@ _MAX_PAIRS = 64 * 1024 * 1024
 class TargetDistance:
     """Distance to a target sweep, differentiable in the positions."""
 
-    def __init__(self, lookup: "Lookup", truncation_m: float = 0.0) -> None:
-        self._lookup = lookup
-        self._truncation_m = truncation_m
-
-    @classmethod
-    def to_points(cls, points: torch.Tensor, settings: DistanceSettings) -> "TargetDistance":
+    def __init__(self, points: torch.Tensor, settings: DistanceSettings) -> None:
         """Builds the distance to a sweep, (N, 3) float32 metres, of the kind in the settings.
 
         A grid that is too large, for example because of a stray point far away, is replaced by
         bricks if the distance is truncated, and these by the tree, which works for any extent.
         """
-        return cls(_lookup_to(points, settings), settings.truncation_m)
+        self._lookup = _lookup_to(points, settings)
+        self._truncation_m = settings.truncation_m
 
     @property
     def kind(self) -> str:

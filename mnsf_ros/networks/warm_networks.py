@@ -26,7 +26,7 @@ STAGES: Final = ("forward", "backward", "fusion")
 
 
 class WarmNetworks:
-    """The three networks of the paper. Fresh ones output zero flow.
+    """The three networks of the paper, on the device of the settings. At first they give zero flow.
 
     Attributes:
         networks: Stage to network: `forward` and `backward` from encoded positions to flow,
@@ -36,7 +36,6 @@ class WarmNetworks:
     """
 
     def __init__(self, settings: Settings) -> None:
-        """Makes fresh networks on the device of the settings."""
         self._num_octaves = settings.live.num_octaves
         self.fitted: set[str] = set()
         self.random = np.random.default_rng(settings.compute.seed)

@@ -80,28 +80,16 @@ class PreparedSweep:
     @cached_property
     def distance(self) -> TargetDistance:
         """D(p, S) with this sweep as the target S."""
-        return TargetDistance.to_points(self.points, self._settings)
+        return TargetDistance(self.points, self._settings)
 
 
 class Workbench:
-    """One estimate under way, for any method. Make it, fit networks, then `finish`.
+    """One estimate under way, for any method. Make it, fit networks, then `finish`."""
 
-    Attributes:
-        settings: All settings.
-        device: Device of the networks and the points.
-        generator: The only source of randomness, on the CPU.
-        triplet: The sweeps before their preparation.
-        current: The sweep at t, whose flow is estimated.
-        next: The sweep at t+1.
-        before: The sweeps at t-1, t-2 ...
-        points: (M, 3) metres, points of the current sweep for fits.
-        fits: Stage to result of its optimization.
-    """
-
-    current: PreparedSweep
-    next: PreparedSweep
-    before: list[PreparedSweep]
-    points: torch.Tensor
+    current: PreparedSweep  # at t, whose flow is estimated
+    next: PreparedSweep  # at t+1
+    before: list[PreparedSweep]  # at t-1, t-2 ...
+    points: torch.Tensor  # (M, 3) metres, of the current sweep, for fits
 
     def __init__(
         self,
@@ -124,7 +112,7 @@ class Workbench:
         self.device = device = compute_device(settings.compute)
         self._cancelled = cancelled
         self._precision = ""
-        self.fits: dict[str, OptimizationResult] = {}
+        self.fits: dict[str, OptimizationResult] = {}  # by stage
         is_on_gpu = device.type == "cuda"
         self._clock = StageClock(finish=torch.cuda.synchronize if is_on_gpu else lambda: None)
         # A generator of its own: the same triplet gives the same flow whatever came before.
@@ -151,7 +139,7 @@ class Workbench:
         return field.to(self.device)
 
     def fresh_fusion(self, num_flows: int = 2) -> nn.Module:
-        """A fresh fusion of so many flows, of the kind in the settings."""
+        """A fresh fusion of flows, of the kind in the settings."""
         precision = layer_precision(self.settings.compute)
         fusion = fusion_network(self.settings.fusion, self.generator, num_flows, precision)
         return fusion.to(self.device)
@@ -233,7 +221,7 @@ class Workbench:
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
         """Makes the result of the flow at the positions, (P, 3) metres from t to t+1.
 
-        `distance_kind`: `grid`, `bricks` or `tree`, if other than that of `next.distance`.
+        `distance_kind` is `grid`, `bricks` or `tree`, by default as of `next.distance`.
         """
         return FlowEstimate(
             flow=self.current.whole(flow),

@@ -37,11 +37,11 @@ _ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
 # Signs that the node does what it should.
 _WELL: Final = (FLOWS_OUT, TRIPLETS_UNWATCHED)
 # Counter to what keeps the flow from coming if it grows.
-_REASONS: Final = {
+REASONS: Final = {
     "sweeps_frame_changed": "frame_id changes from sweep to sweep, as of two lidars on one topic",
     "sweeps_duplicate": "sweeps have the same stamp",
     "sweeps_out_of_order": "stamps go backwards",
-    "sweeps_time_went_back": "stamps jump back again and again",
+    "sweeps_time_went_back": "stamps jump back",
     "sweeps_gap": "sweeps are more than buffer.max_interval_s apart",
     CLOUDS_UNDECODABLE: "clouds cannot be decoded",
     CLOUDS_EMPTY: "clouds have no measured point",
@@ -228,10 +228,10 @@ class Diagnostics:
 
     def _no_flow_text(self) -> str:
         growth = self._moments[-1].counts - self._well.counts
-        name = max(_REASONS, key=lambda name: growth[name])
+        name = max(REASONS, key=lambda name: growth[name])
         if not growth[name]:
             return "clouds come in, but no flow goes out"
-        return f"no flow: {_REASONS[name]} (see {name})"
+        return f"no flow: {REASONS[name]} (see {name})"
 
     def _overload_text(self) -> str:
         recent = self._moments[-1].counts - self._moments[0].counts

@@ -78,6 +78,9 @@ def _autoware_detected(messages: Messages, _run: UUID, item: TrackedObject) -> M
     found = _in_autoware(messages, messages.DetectedObject(), item)
     state = found.kinematics
     state.has_position_covariance = state.has_twist = state.has_twist_covariance = True
+    if len(item.outline) > 2:
+        found.shape.type = messages.Shape.POLYGON
+        found.shape.footprint.points = _polygon(item.outline)
     return found
 
 
@@ -91,7 +94,7 @@ def _in_autoware(messages: Messages, found: Message, item: TrackedObject) -> Mes
     shape.type = messages.Shape.BOUNDING_BOX
     size.x, size.y, size.z = item.size.tolist()
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * item.size[:2] / 2
-    shape.footprint.points = [Point32(x=x, y=y) for x, y in corners.tolist()]
+    shape.footprint.points = _polygon(corners)
     state = found.kinematics
     state.orientation_availability = type(state).AVAILABLE
     pose, twist = state.pose_with_covariance, state.twist_with_covariance
@@ -105,6 +108,10 @@ def _in_autoware(messages: Messages, found: Message, item: TrackedObject) -> Mes
     of_speed = object_from_sensor @ item.covariance[3:, 3:] @ object_from_sensor.T
     twist.covariance = _in_six(of_speed)
     return found
+
+
+def _polygon(corners: NDArray[np.float64]) -> list[Point32]:
+    return [Point32(x=x, y=y) for x, y in corners.tolist()]
 
 
 def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Message:

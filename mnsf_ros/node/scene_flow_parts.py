@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
-from mnsf_ros.node.diagnostics import Diagnostics
+from mnsf_ros.node.diagnostics import REASONS, Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
@@ -22,7 +22,7 @@ from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.pipeline import StreamPipeline, StreamStatistics, TripletJob
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 _REFRESH_PERIOD_S = 0.2
@@ -56,7 +56,7 @@ class SceneFlowParts:
             if not node.context.ok():
                 raise
             raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
-        self._input_check = InputCheck(parameters.settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(parameters.settings)
         name = node.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(name, faults, lambda: self._input.silence)
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -78,7 +78,7 @@ class SceneFlowParts:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
         self._input.reset()
-        self._input_check = InputCheck(self._settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(self._settings)
 
     def close(self, timeout_s: float) -> None:
         """Abandons the estimate under way, and waits for that as long as the timeout."""
@@ -93,6 +93,9 @@ class SceneFlowParts:
     @property
     def _settings(self) -> Settings:
         return self._parameters.settings
+
+    def _new_input_check(self, settings: Settings) -> InputCheck:
+        return InputCheck(settings, self._pipeline.mounting, self._pipeline.rotation)
 
     def _join_topics(self, pause: str) -> None:
         """Makes the way of a sweep from its end to its start, so that each part has its next."""
@@ -146,10 +149,10 @@ class SceneFlowParts:
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_wanted)
         self._tell_mounting(sweep.frame_id)
         if arrival is not Arrival.ACCEPTED:
-            words = arrival.value.replace("_", " ")
             # A recording that is played in a loop has gaps, too.
             tell = self._faults.inform if arrival is Arrival.GAP else self._faults.warn
-            tell(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+            cause, stamp_s = REASONS[f"sweeps_{arrival.value}"], sweep.stamp_ns / NANOSECONDS
+            tell(arrival.value, f"{cause}, at the stamp {stamp_s:.3f}")
         self._input_check.add(sweep, self._input.num_parts)
 
     def _tell_mounting(self, frame_id: str) -> None:
@@ -208,4 +211,4 @@ class SceneFlowParts:
         except SettingsError:
             self._pipeline.change_settings(self._settings)
             raise
-        self._input_check = InputCheck(settings, self._pipeline.mounting)
+        self._input_check = self._new_input_check(settings)

@@ -66,8 +66,10 @@ class ObjectFlowEstimator:
         self._tracker = Tracker(settings.warm_start, track_ids or count(1))
 
     def renewed(self: _Own, settings: Settings) -> _Own:
-        """An estimator that has seen nothing yet; its tracks get other ids than these."""
-        return type(self)(settings, self._tracker.new_ids)
+        """An estimator that knows only the own body; its tracks get other ids than these."""
+        renewed = type(self)(settings, self._tracker.new_ids)
+        renewed._preparation.begin_with(self._preparation)
+        return renewed
 
     def prepare(self, triplet: SweepTriplet) -> PreparedSweeps:
         """Prepares the sweeps of a triplet: ego motion, crop, ground, own body, objects.

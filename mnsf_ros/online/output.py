@@ -2,6 +2,7 @@
 """Output: motions of objects, given to all points of the sweep, and the tracked objects."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.geometry.transforms import turned_yaw
+from mnsf_ros.geometry.transforms import planar_pose, turned_yaw
 from mnsf_ros.online.attachments import rows_of_movers
 from mnsf_ros.online.confidence import doubtful_confidence, moving_confidence, static_confidence
 from mnsf_ros.online.object_sweep import ObjectSweep
@@ -19,6 +20,10 @@ from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.tracker import Track
 from mnsf_ros.online.turning import flow_by, with_offsets
 from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# (2, 16) from above: between two of them, less than 2 % of the radius is cut off.
+_ANGLES: Final = np.arange(16) * (2 * np.pi / 16)
+_DIRECTIONS: Final = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> OverGround:
@@ -161,6 +166,7 @@ def _tracked_object(
         covariance=(track.covariance[:, None, :, None] * np.eye(3)[:, None]).reshape(6, 6),
         age_s=(track.stamp_ns - track.moving_since_ns) / NANOSECONDS,
         num_points=len(seen),
+        outline=_outline(points, box),
     )
 
 
@@ -169,6 +175,13 @@ def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) 
     return track.log_odds > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(
         points
     )
+
+
+def _outline(points: NDArray[np.float32], box: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (K, 2) metres, the outermost of the points (P, 3) in each direction, from a box."""
+    inside = (points[:, :2] - box[:2]) @ planar_pose(0.0, 0.0, box[6])[:2, :2]
+    outermost = (inside @ _DIRECTIONS).argmax(axis=0)
+    return np.asarray(inside[outermost[outermost != np.roll(outermost, 1)]])
 
 
 @compiled("float64[::1](float32[:, ::1], float64[::1])")

@@ -35,10 +35,18 @@ class OwnBody:
         self._boxes, self._is_learning = settings.own_boxes, settings.own_body == "auto"
         self._shares = np.zeros((_NUM_CELLS,) * 3, np.float32)
         self._num_sweeps = 0
+        self._frame_id = ""
         self._last: ObjectSweep | None = None
+
+    def begin_with(self, known: "OwnBody") -> None:
+        """Takes what was learned before a break of the stream; it holds while `frame_id` stays."""
+        self._shares, self._num_sweeps = known._shares.copy(), known._num_sweeps
+        self._frame_id = known._frame_id
 
     def mask(self, sweep: Sweep) -> NDArray[np.bool_]:
         """Returns (N,) the points of a sweep that are on the own body, as far as it is known."""
+        if sweep.frame_id != self._frame_id:
+            self._frame_id, self._num_sweeps = sweep.frame_id, 0
         if not self._is_learning or self._num_sweeps < _MIN_SWEEPS:
             return in_boxes(sweep.xyz, self._boxes)
         return _shares_at(sweep.xyz, self._shares) > _LEAST_SHARE

@@ -85,6 +85,10 @@ class Preparation:
         self._own_body = OwnBody(settings.crop)
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
+    def begin_with(self, known: "Preparation") -> None:
+        """Takes over the own body that was learned before a break of the stream."""
+        self._own_body.begin_with(known._own_body)
+
     def prepare(self, triplet: SweepTriplet) -> PreparedSweeps:
         """Prepares the sweeps of a triplet that are not ready yet.
 

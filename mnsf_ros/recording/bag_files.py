@@ -26,7 +26,7 @@ _ROOT: Final = "rosbag2_bagfile_information"
 def stored_files(path: Path) -> list[Path]:
     """Returns the files with messages at a path, by name; none if there are none.
 
-    The decompressed copy that `ros2 bag play` leaves beside a compressed file does not count.
+    The decompressed copy of a compressed file, which `ros2 bag play` leaves, does not count.
 
     Raises:
         OSError: The folder cannot be read.
@@ -38,7 +38,7 @@ def stored_files(path: Path) -> list[Path]:
 
 
 def kind_of(file: Path) -> str:
-    """Returns the suffix of the format of a file, without that of compression."""
+    """Returns the suffix of a file, without the suffix of compression."""
     return (file.with_suffix("") if file.suffix == COMPRESSED else file).suffix
 
 

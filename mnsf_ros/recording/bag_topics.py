@@ -39,7 +39,7 @@ _LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b
 
 @cache
 def jazzy() -> Typestore:
-    """The message types of ROS 2 Jazzy, and those of clouds."""
+    """The message types of ROS 2 Jazzy, and further types of clouds."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for name, definition in DEFINITIONS.items():
         store.register(get_types_from_msg(definition, name))

@@ -258,6 +258,6 @@ def _header(stamp_ns: int, frame_id: str) -> Any:  # noqa: ANN401 - a std_msgs/H
 
 
 def _set_pose(place: Any, turn: Any, pose: NDArray[np.floating[Any]]) -> None:  # noqa: ANN401
-    """Sets a place and a quaternion of ROS to those of a (4, 4) pose."""
+    """Sets a position and a quaternion of ROS to a (4, 4) pose."""
     place.x, place.y, place.z = pose[:3, 3].tolist()
     turn.x, turn.y, turn.z, turn.w = pose_quaternion(pose)

@@ -18,6 +18,7 @@ from msg_utils.stamps import decode_stamp
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
 _OBJECT = "object_id"
+_ARRAYS = ("flow", *_FLAGS, _OBJECT)
 _SCALARS = (*"xyz", *_FLOW, *_FLAGS, _OBJECT)
 # The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
 DYNAMIC_SPEED_M_S = 0.5
@@ -47,25 +48,17 @@ class SurfaceClass(IntEnum):
 class FlowTruth:
     """True flow of the N points of one sweep, row i for point i of its cloud.
 
-    Attributes:
-        stamp_ns: Header stamp of the sweep in nanoseconds.
-        flow: (N, 3) float32 metres from a point to the position of its surface in the next sweep,
-            in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
-        valid: (N,) bool, the flow of the point is known.
-        dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
-        ground: (N,) bool, the point is on the ground.
-        class_id: (N,) uint8 kind of surface, 0 if unknown.
-        object_id: (N,) uint32 number of the object, the same in all sweeps, 0 for points of none.
-            None if unknown.
+    Flow leads from a point to the position of its surface in the next sweep, in the next sweep's
+    sensor frame: ego motion is part of it.
     """
 
-    stamp_ns: int
-    flow: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    dynamic: NDArray[np.bool_]
-    ground: NDArray[np.bool_]
-    class_id: NDArray[np.uint8]
-    object_id: NDArray[np.uint32] | None = None
+    stamp_ns: int  # of the header of the sweep
+    flow: NDArray[np.float32]  # (N, 3) metres; NaN if not valid
+    valid: NDArray[np.bool_]  # (N,) the flow of the point is known
+    dynamic: NDArray[np.bool_]  # (N,) the surface itself moves, faster than DYNAMIC_SPEED_M_S
+    ground: NDArray[np.bool_]  # (N,) the point is on the ground
+    class_id: NDArray[np.uint8]  # (N,) `SurfaceClass`, 0 if unknown
+    object_id: NDArray[np.uint32] | None = None  # (N,) the same in all sweeps, 0 for no object
 
     def __len__(self) -> int:
         """Returns the number of points."""
@@ -73,15 +66,13 @@ class FlowTruth:
 
     def of_points(self, rows: NDArray[np.int64]) -> "FlowTruth":
         """Returns the truth of the points in these rows."""
-        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
-        known = {name: getattr(self, name) for name in names}
+        known = {name: getattr(self, name) for name in _ARRAYS}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
     @classmethod
     def joined(cls, parts: Sequence["FlowTruth"]) -> "FlowTruth":
         """Returns the truth of the points of all parts, with the stamp of the first."""
-        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
-        columns = {name: [getattr(part, name) for part in parts] for name in names}
+        columns = {name: [getattr(part, name) for part in parts] for name in _ARRAYS}
         if any(column is None for column in columns[_OBJECT]):
             del columns[_OBJECT]
         return cls(parts[0].stamp_ns, **{k: np.concatenate(each) for k, each in columns.items()})
@@ -147,16 +138,9 @@ class FlowTruth:
 
 @dataclass(frozen=True, eq=False)
 class TrueSweep:
-    """A sweep with its truth, as a recording holds it.
+    """A sweep with its truth, as in a recording."""
 
-    Attributes:
-        xyz: (N, 3) float32 metres, in the frame of the sensor.
-        truth: True flow, row for row; its stamp is that of the sweep.
-        columns: Further columns of the cloud: name to (N,).
-        pose: (4, 4) world_from_sensor at the stamp; None if unknown.
-    """
-
-    xyz: NDArray[np.float32]
-    truth: FlowTruth
-    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    pose: NDArray[np.floating[Any]] | None = None
+    xyz: NDArray[np.float32]  # (N, 3) metres, sensor frame
+    truth: FlowTruth  # row for row; its stamp is that of the sweep
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # further ones, (N,) each
+    pose: NDArray[np.floating[Any]] | None = None  # (4, 4) world_from_sensor at the stamp

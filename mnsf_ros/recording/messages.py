@@ -14,8 +14,8 @@ from mnsf_ros.recording.bag_topics import jazzy
 class Messages:
     """The messages of a package, for example `Messages("nav_msgs").Odometry`.
 
-    They are used as those of rclpy. Fields that are not given have their defaults: 0, also in
-    quaternions. Types are those of a store, by default of ROS 2 Jazzy.
+    They are used as in rclpy. Fields that are not given are 0 or empty, quaternions, too. Types are
+    from a store, by default of ROS 2 Jazzy.
     """
 
     def __init__(self, package: str, store: Typestore | None = None) -> None:

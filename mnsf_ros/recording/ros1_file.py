@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""ROS 1 bags, whose messages are converted to those of ROS 2."""
+"""ROS 1 bags, whose messages are converted to ROS 2."""
 
 from collections.abc import Iterator
 from pathlib import Path

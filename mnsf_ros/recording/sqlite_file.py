@@ -57,8 +57,8 @@ class SqliteFile(StorageFile):
 
 @contextmanager
 def _opened(path: Path) -> Iterator[apsw.Connection]:
-    # SQLite makes no file beside it. In an immutable file it would ignore a write-ahead log, which
-    # a recorder that was killed leaves.
+    # Both options keep SQLite from making files. With immutable=1 it ignores a write-ahead log,
+    # which a recorder that was killed leaves.
     options = "vfs=unix-none" if _has_content(path, "-wal") else "immutable=1"
     uri = f"file:{quote(str(path.resolve()), errors='surrogateescape')}?{options}"
     database = apsw.Connection(uri, flags=apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI)
@@ -77,10 +77,10 @@ def _opened(path: Path) -> Iterator[apsw.Connection]:
 
 
 def _has_content(path: Path, suffix: str) -> bool:
-    """Whether there is such a file, not empty, beside a database; not beside a link to it."""
-    path = path.resolve()
-    beside = path.with_name(path.name + suffix)
-    return beside.is_file() and beside.stat().st_size > 0
+    """Whether a database has a companion file with this suffix that is not empty."""
+    path = path.resolve()  # not of a link to it
+    companion = path.with_name(path.name + suffix)
+    return companion.is_file() and companion.stat().st_size > 0
 
 
 def _topics(database: apsw.Connection) -> Iterator[tuple[int, str, str, str, str]]:

@@ -56,24 +56,17 @@ Readable: TypeAlias = tuple[int, Converted] | Damage
 class StorageFile(ABC):
     """A file with messages. Each scan opens it anew, so scans do not disturb each other.
 
-    Attributes:
-        path: The file.
-        topics: Topic to its summary; only messages in CDR can be read.
-        first_ns: Receive time of the first message; infinite if there is none.
-        last_ns: Receive time of the last message; 0 if there is none.
-        has_checksums: Whether flipped bits in the file are noticed.
-        damages: Damage known before messages are read.
-
     Raises:
         Exception: One of `UNREADABLE`, also in a scan: it is damaged or of another format.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.topics: dict[str, TopicSummary] = {}
+        self.topics: dict[str, TopicSummary] = {}  # only messages in CDR can be read
+        # Receive times of the first and the last message.
         self.first_ns, self.last_ns = float("inf"), 0.0
-        self.has_checksums = False
-        self.damages: list[Damage] = []
+        self.has_checksums = False  # whether flipped bits in the file are noticed
+        self.damages: list[Damage] = []  # known before messages are read
 
     @abstractmethod
     def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:

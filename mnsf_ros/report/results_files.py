@@ -35,10 +35,6 @@ _FACTS: Final = {
     "machine": "machine",
     "git_commit": "git commit",
 }
-_ORIGIN: Final = (
-    *("seed", "preset", "changed_settings", "num_threads", "points_given", "ground"),
-    *("realtime_rate", "every", *_FACTS),
-)
 # Groups of points: a prefix in the summary, and its name in the file.
 _POINTS: Final = {"errors": "{}", "by_range": "range up to {} m", "by_speed": "speed up to {} m/s"}
 
@@ -82,16 +78,19 @@ def results_csv(results: RunResults) -> str:
     The column `recording` is empty for all recordings together. Settings, versions and machine are
     the same on every line of a method; the scores of movers, which come last, are for all points.
     """
+    methods = dict.fromkeys((*results.record.method_names, *results.summary.index))
+    origins = {name: _origin(results.record, name) for name in methods}
     lines = [
         {"recording": recording, "method": plain_text(method)}
         | line
-        | _origin(results.record, str(method))
+        | origins[method]
         | {name: own.get(key) for name, key in _MOVERS.items()}
         for recording, summary in {"": results.summary, **results.by_recording}.items()
         for method, own in summary.iterrows()
         for line in _lines(own)
     ]
-    names = ["recording", "method", "points", *_COUNTS, *ERRORS, *_FIGURES, *_ORIGIN, *_MOVERS]
+    origin = next(iter(origins.values()), {})
+    names = ["recording", "method", "points", *_COUNTS, *ERRORS, *_FIGURES, *origin, *_MOVERS]
     # As objects: a missing value would turn the whole numbers of its column into floats.
     table = pd.DataFrame(lines, columns=names, dtype=object)
     return table.to_csv(index=False, lineterminator="\n")
@@ -112,20 +111,23 @@ def _lines(own: pd.Series) -> Iterator[dict[str, object]]:
         yield {"points": "", **figures}
 
 
-def _origin(record: RunRecord, method: str) -> dict[str, str]:
+def _origin(record: RunRecord, method: str) -> dict[str, object]:
     """Returns settings, versions and machine of a method, all of them where sessions differ."""
     options = record.options
     _, preset, changes = record.used_settings(method)
-    values = (
-        *(options.seed, preset, "; ".join(f"{key} = {value}" for key, value in changes.items())),
-        *(options.settings.compute.num_threads, options.num_points or "all", options.ground),
-        *(options.realtime or "", options.every),
-        *(
-            "; ".join(dict.fromkeys(one.get(fact, "") for one in record.sessions))
-            for fact in _FACTS.values()
-        ),
-    )
-    return dict(zip(_ORIGIN, map(str, values), strict=True))
+    return {
+        "seed": options.seed,
+        "preset": preset,
+        "changed_settings": "; ".join(f"{key} = {value}" for key, value in changes.items()),
+        "num_threads": options.settings.compute.num_threads,
+        "points_given": options.num_points or "all",
+        "ground": options.ground,
+        "realtime_rate": options.realtime or "",
+        "every": options.every,
+    } | {
+        column: "; ".join(dict.fromkeys(one.get(fact, "") for one in record.sessions))
+        for column, fact in _FACTS.items()
+    }
 
 
 def session_lines(session: Session) -> list[str]:

@@ -31,7 +31,7 @@ class TextTable:
 
     @property
     def has_values(self) -> bool:
-        """Whether a cell beside the names of the rows has a value."""
+        """Whether a cell has a value, other than the names of rows."""
         return any(cell != NO_VALUE for row in self.rows for cell in row[1:])
 
     def markdown(self) -> str:
@@ -69,7 +69,7 @@ class TextTable:
 
 
 def format_number(value: float, decimals: int) -> str:
-    """Returns the number with so many decimals, or a dash for NaN."""
+    """Returns the number with fixed decimals, or a dash for NaN."""
     return NO_VALUE if math.isnan(value) else f"{value:.{decimals}f}"
 
 

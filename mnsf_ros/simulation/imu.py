@@ -17,7 +17,7 @@ _NOISE_DEG_S_HZ: Final = 0.005
 _SENSITIVITY: Final = 0.03
 _BIAS_DEG_S: Final = 20.0
 _DRIFT_DEG_S2: Final = 0.01
-# The rotation between two moments so far apart is the turn rate.
+# Turn rates are rotations between two moments this far apart.
 _STEP_S: Final = 1e-4
 
 

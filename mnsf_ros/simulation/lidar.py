@@ -19,15 +19,10 @@ _TINY = 1e-9
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays in the lidar frame: C azimuth columns of B beams, angles in radians.
+    """Rays in the lidar frame: C azimuth columns of B beams, angles in radians."""
 
-    Attributes:
-        azimuth: (C,) increasing; it may go beyond pi.
-        elevations: (1, B) increasing, the same in all columns, or (C, 1).
-    """
-
-    azimuth: FloatArray
-    elevations: FloatArray
+    azimuth: FloatArray  # (C,) increasing, also beyond pi
+    elevations: FloatArray  # (1, B) increasing, the same in all columns, or (C, 1)
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray]:
@@ -72,9 +67,8 @@ class ShapeTable:
     ) -> tuple[FloatArray, NDArray[np.int32]]:
         """Returns (C, B) ranges to the first shape of each ray and (C, B) numbers of the shapes.
 
-        They are `inf` metres and -1 where nothing is met. Rays go through what is nearer than the
-        first limit; shapes entirely beyond the second are skipped. `lidar_from_body` is
-        (bodies, 4, 4).
+        They are `inf` metres and -1 without a hit. Rays pass through shapes nearer than the first
+        limit; shapes entirely beyond the second are skipped. `lidar_from_body` is (bodies, 4, 4).
         """
         min_range_m, max_range_m = limits_m
         ranges = np.full(rays.shape, np.inf)
@@ -91,7 +85,7 @@ class ShapeTable:
             columns = np.flatnonzero(off <= reaches[k] + _TINY)
             window = (columns, self._beams(int(k), poses[k], rays))
             block = ranges[window]
-            # Shapes come nearest first, so most of what is far is already hidden.
+            # Shapes come nearest first, so most far ones are hidden already.
             if block.size == 0 or block.max() <= nearest[k]:
                 continue
             entry = self._entry(int(k), poses[k], rays, window)

@@ -243,7 +243,7 @@ def smooth_wall(rng: np.random.Generator) -> Model:
 
 
 def own_body(rng: np.random.Generator) -> Model:
-    """Returns what the lidar sees of its own vehicle, in the lidar frame.
+    """Returns the visible parts of the vehicle with the lidar, in the lidar frame.
 
     That is two boxes behind it as in KITTI, or a roof and a mast as in `radiate_hdl32`.
     """

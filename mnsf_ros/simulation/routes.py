@@ -12,7 +12,7 @@ from mnsf_ros.geometry.transforms import FloatArray, planar_pose, tilt
 EGO_LENGTH_M = 4.4
 EGO_WIDTH_M = 1.8
 _WATCH_STEP_S = 0.1
-# A slope begins over so many metres.
+# Length over which the ground turns from level to slope.
 _VERTEX_M = 8.0
 
 
@@ -75,7 +75,7 @@ class Route:
         return float(self.arc_m[np.argmin(np.hypot(*(self.points - (x, y)).T))])
 
     def beside(self, left_m: float) -> "Route":
-        """Returns the route so many metres to the left."""
+        """Returns the route shifted to the left."""
         left = np.stack([-np.sin(self.yaw), np.cos(self.yaw)], axis=1)
         return Route.through(self.points + left_m * left, self.slope)
 
@@ -194,7 +194,7 @@ class Clearance:
         return True
 
     def _near(self, track: _Track) -> Iterator[_Track]:
-        """Yields the tracks whose bounding box meets that of a track."""
+        """Yields the tracks whose bounding box overlaps with the box of a track."""
         low = np.array([other.low for other in self._tracks]).reshape(-1, 2)
         high = np.array([other.high for other in self._tracks]).reshape(-1, 2)
         for number in np.flatnonzero(((low <= track.high) & (track.low <= high)).all(axis=1)):

@@ -17,7 +17,7 @@ from mnsf_ros.simulation.settings import SimulationSettings, drawn
 _LIDARS: Final = {"16": 0.2, "32": 0.2, "64": 0.2, "128": 0.2, "raster": 0.1, "rosette": 0.1}
 _COLUMNS: Final = {900: 0.3, 1024: 0.3, 1800: 0.4}
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
-# The points of a rolling sweep are measured in so many moments, of a whole turn every 7 degrees.
+# A rolling sweep has this many moments of measurement: every 7 degrees of a whole turn.
 _NUM_MOMENTS: Final = 50
 # Each moment of a rosette sees the whole view, which takes longer to cast.
 _ROSETTE_MOMENTS: Final = 10
@@ -31,50 +31,33 @@ _DROPS_PER_LOSS = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """Properties of a lidar.
+    """Properties of a lidar."""
 
-    Attributes:
-        kind: Its name: number of beams, or `solid state`.
-        elevations_deg: (B,) of its beams, increasing; of a rosette its lower and upper limit.
-        num_columns: Azimuth steps of 360 degrees; of a rosette the points of a sweep.
-        rate_hz: Sweeps per second.
-        range_noise_m: Standard deviation of the range.
-        dropout: Share of returns that are dropped.
-        max_range_m: Maximum range.
-        degrees: Azimuth of a sweep. Above 360 it is cut by time, and a part is measured twice;
-            below, the lidar does not turn and looks ahead.
-        is_rolling: Whether each point has its own time; else a sweep is taken in an instant.
-        is_rosette: Whether one beam draws a rosette, another one in each sweep.
-        rain_per_m: Share of the light lost to rain per metre; drops near the lidar give points.
-        min_range_m: Minimum range.
-        jitter: Largest deviation of a sweep's time, in intervals.
-        missing: Share of the sweeps that are missing.
-        reach_m: Range at which half of the rays to a surface that returns a tenth come back; all
-            rays to all surfaces if infinite.
-        fog_per_m: Share of the light lost to fog per metre, if the reach is finite.
-    """
-
-    kind: str
-    elevations_deg: FloatArray
-    num_columns: int
-    rate_hz: float
-    range_noise_m: float
-    dropout: float
+    kind: str  # name: number of beams, or `solid state`
+    elevations_deg: FloatArray  # (B,) of its beams, increasing; of a rosette its limits
+    num_columns: int  # azimuth steps of 360 degrees; of a rosette the points of a sweep
+    rate_hz: float  # sweeps per second
+    range_noise_m: float  # standard deviation
+    dropout: float  # share of returns that are dropped
     max_range_m: float
+    # Azimuth of a sweep. Above 360 it is cut by time, and a part is measured twice; below, the
+    # lidar does not turn and looks ahead.
     degrees: float = _TURN_DEG
-    is_rolling: bool = False
-    is_rosette: bool = False
-    rain_per_m: float = 0.0
+    is_rolling: bool = False  # each point has its own time; else a sweep is taken in an instant
+    is_rosette: bool = False  # one beam draws a rosette, another one in each sweep
+    rain_per_m: float = 0.0  # share of the light lost to rain; drops near the lidar give points
     min_range_m: float = 0.9
-    jitter: float = 0.0
-    missing: float = 0.0
+    jitter: float = 0.0  # largest deviation of a sweep's time, in intervals
+    missing: float = 0.0  # share of the sweeps that are missing
+    # Range at which half of the rays to a surface that returns a tenth come back; all rays to all
+    # surfaces if infinite.
     reach_m: float = math.inf
-    fog_per_m: float = 0.0
+    fog_per_m: float = 0.0  # share of the light lost to fog, if the reach is finite
 
     def sweep_times(
         self, number: int, rng: np.random.Generator
     ) -> tuple[NDArray[np.intp], FloatArray]:
-        """Returns the turns (T,), of so many, that give a sweep, and their times in seconds."""
+        """Returns which of `number` turns give a sweep (T,), and their times in seconds."""
         is_missing, off = rng.uniform(size=(number, 2)).T
         times_s = (np.arange(number) + self.jitter * (2 * off - 1)) * (1.0 / self.rate_hz)
         turns = np.flatnonzero(is_missing >= self.missing)

@@ -210,7 +210,7 @@ def ground_cosines(street: Street, points: FloatArray, directions: FloatArray) -
 def brightness(class_id: NDArray[np.uint8], reflectivity: FloatArray) -> FloatArray:
     """Returns (N,) mean intensities of points of some classes (N,).
 
-    The (N,) reflectivity is that of the body each point is on, ignored on the ground.
+    The reflectivity (N,) is of the body of each point, ignored on the ground.
     """
     mean = reflectivity.copy()
     mean[class_id == SurfaceClass.ROAD] = _ASPHALT

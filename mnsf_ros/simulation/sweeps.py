@@ -31,14 +31,14 @@ class SweepSimulator:
 
     Each point is in the lidar frame of the moment when it was measured (x forward, y left, z up).
     The flow leads to the place of the same surface at the next sweep, in the lidar frame of that
-    moment. Numbers of objects are those of the bodies in the scene, counted from 1; 0 for ground
-    and drops of rain. Drops and the own body have no valid flow. Columns are `intensity` (0 to
-    255), `ring` (0 is the lowest beam), and of a rolling lidar `t`, nanoseconds from the stamp.
+    moment. Objects have the numbers of the bodies in the scene, counted from 1; 0 for ground and
+    drops of rain. Drops and the own body have no valid flow. Columns are `intensity` (0 to 255),
+    `ring` (0 is the lowest beam), and of a rolling lidar `t`, nanoseconds from the stamp.
 
     Attributes:
         scene: The scene.
         interval_s: Seconds from one sweep to the next, without jitter and gaps.
-        times_s: (T,) seconds of the sweeps; the recording is a part of them.
+        times_s: (T,) seconds of the sweeps of the recording, and of further ones.
         num_sweeps: Number of sweeps of the recording, at least one.
     """
 
@@ -107,7 +107,7 @@ class SweepSimulator:
     def _measured(
         self, rays: Rays, time_s: float, next_s: float, rng: np.random.Generator
     ) -> dict[str, NDArray[Any]]:
-        """Returns what is measured at one time, with its truth, by the names of the arrays."""
+        """Returns the points measured at one time, their columns and truth, by name."""
         sensor = self.scene.sensor
         world_from_sensor = self.scene.ego.world_from_sensor(time_s)
         ranges, shape, class_id = self._first_hits(rays, time_s, world_from_sensor)

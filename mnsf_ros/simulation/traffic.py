@@ -20,7 +20,7 @@ _STEP_M = 0.25
 _TURN_RADIUS_M = 6.0
 _TURN_SPEED_M_S = 4.0
 _STRIDE_S = 0.4
-# Movers that would meet something are left out; so many are tried for each that is wanted.
+# Movers that would meet something are left out; this many are tried for each that is wanted.
 _TRIES: Final = 4
 
 
@@ -29,7 +29,7 @@ class Kind:
     """Traffic of one kind: its share, models, speeds, and where it goes.
 
     Of several models each follows `behind_m` behind the one before, `beside_m` left of it.
-    Without a `name` it has those of its models.
+    The default `name` is made of the names of its models.
     """
 
     share: float
@@ -130,7 +130,7 @@ class Traffic:
     place: str  # its kind
     street: Street
     ego_speed_m_s: float  # of the vehicle with the lidar
-    clearance: Clearance  # what is in their way
+    clearance: Clearance  # from all other things
     walls_m: tuple[float, ...]  # laterals of walls
 
     def drawn(self, rng: np.random.Generator) -> Iterator[tuple[str, list[Body]]]:
@@ -164,7 +164,7 @@ class Traffic:
                 return None
             at_s, is_left = rng.uniform(-0.5, 3.0), bool(rng.integers(2))
             crossing = street.crossings[int(rng.integers(len(street.crossings)))]
-            # When the lidar is as near to it as it is to the first one now.
+            # Crossed when the lidar is as near to it as to the first crossing at the start.
             at_s += (crossing.x - street.crossings[0].x) / max(self.ego_speed_m_s, 1.0)
             if kind.way == "turn":
                 return right_turn(street, crossing, at_s, speed_m_s, leaving=is_left)

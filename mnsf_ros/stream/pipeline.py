@@ -11,6 +11,7 @@ import numpy as np
 
 from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
+from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.latest_only_worker import LatestOnlyWorker
@@ -101,6 +102,11 @@ class StreamPipeline:
     def mounting(self) -> MountingEstimate:
         """How the sensor is mounted."""
         return self._stream.mounting
+
+    @property
+    def rotation(self) -> LidarRotation:
+        """Whether a lidar without times of points turns."""
+        return self._stream.rotation
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next preparation on.

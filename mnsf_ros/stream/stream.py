@@ -13,8 +13,10 @@ from mnsf_ros.core.scene_flow_estimator import (
     SceneFlowEstimator,
     never,
 )
+from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods import make_method
+from mnsf_ros.online.preparation import PreparedSweeps
 from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.sensor_frame import in_sensor_frame
@@ -67,7 +69,8 @@ class Stream:
     its `max_gap_s`, or a setting of the estimates changes.
 
     It owns the mounting, too: methods get sweeps in a level frame with the lens at its origin, and
-    everyone else has them, and the estimates, in the frame of the sensor.
+    everyone else has them, and the estimates, in the frame of the sensor. Methods also get times of
+    points that have none, once the stream shows that the lidar turns.
 
     `push` does everything in one thread. Its three parts may also have one thread each: `add`,
     `prepare` and `estimate`. `prepare` takes triplets in their order; those that are dropped
@@ -77,6 +80,7 @@ class Stream:
         triplet: The triplet that the newest sweep completes, if any.
         settings: They hold from the next preparation on.
         mounting: How the sensor is mounted.
+        rotation: Whether a lidar without times of points turns.
     """
 
     def __init__(
@@ -102,6 +106,8 @@ class Stream:
         )
         self.mounting: MountingEstimate = MountingEstimate() if after is None else after.mounting
         self.mounting.forget()
+        self.rotation: LidarRotation = LidarRotation() if after is None else after.rotation
+        self.rotation.forget()
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
         # What follows belongs to the preparation.
         self._last: SweepTriplet | None = None
@@ -163,12 +169,24 @@ class Stream:
         levelled = triplet if self.traits.is_external else triplet.levelled
         self._break = self._break_before(triplet, settings) or self._break
         self._last, self._prepared_with = triplet, settings
+        if self._break is Start.COLD_FRAME:
+            self.rotation.forget()
+        elif self._break is not None:
+            self.rotation.forget_places()
+        is_timed = settings.time.field == "auto" and settings.ego_motion.deskew
+        is_timed &= not self.traits.is_external
+        if is_timed and self.rotation.is_found:
+            levelled = levelled.changed(self.rotation.timed)
         try:
             if self._break is not None:
                 self._estimator = self._renewed(settings)
                 self._start, self._break = self._break, None
             if isinstance(self._estimator, PreparingEstimator):
                 content = self._estimator.prepare(levelled)
+                if is_timed and isinstance(content, PreparedSweeps):
+                    last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
+                    if self.rotation.learn(last, newest, settings.ego_motion):
+                        self._break = Start.COLD_TIMES
         except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
             failure = error
         return PreparedTriplet(

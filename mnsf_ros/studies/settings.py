@@ -38,7 +38,7 @@ class CaseStudySettings:
     repeats: int = declared(5, "stability: random draws for each number of points", 1, 10_000)
     methods: str = declared("nsfp,fnsf,mnsf", "stability: methods to compare")
     warm_steps: str = declared(
-        "2,5,10", "warm-start: steps per sweep of networks that go on, in ascending order"
+        "2,5,10", "warm-start: steps per sweep of warm-started networks, in ascending order"
     )
     cold_steps: str = declared(
         "10,40", "warm-start: steps of networks from scratch, in ascending order"
@@ -48,7 +48,7 @@ class CaseStudySettings:
         check_declared(self)
         for name, count, least in (("sizes", 3, 2), ("warm_steps", 1, 1), ("cold_steps", 1, 1)):
             text = getattr(self, name)
-            numbers = _numbers(text)
+            numbers = numbers_of(text)
             if len(numbers) < count or min(numbers) < least or numbers != sorted(set(numbers)):
                 raise SettingsError(
                     f"{name}: got {text}, expected {count} or more numbers from {least} in "
@@ -56,26 +56,11 @@ class CaseStudySettings:
                 )
 
     @property
-    def numbers_of_points(self) -> list[int]:
-        """The `sizes`."""
-        return _numbers(self.sizes)
-
-    @property
-    def numbers_of_warm_steps(self) -> list[int]:
-        """The `warm_steps`."""
-        return _numbers(self.warm_steps)
-
-    @property
-    def numbers_of_cold_steps(self) -> list[int]:
-        """The `cold_steps`."""
-        return _numbers(self.cold_steps)
-
-    @property
     def method_names(self) -> list[str]:
         """The `methods`, each once."""
         return list(dict.fromkeys(self.methods.split(",")))
 
 
-def _numbers(text: str) -> list[int]:
-    """Whole numbers with commas between them; 0 stands for any other text."""
+def numbers_of(text: str) -> list[int]:
+    """Returns whole numbers with commas between them; 0 stands for any other text."""
     return [int(part) if part.isdecimal() else 0 for part in text.split(",")]

@@ -24,6 +24,7 @@ from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
+from mnsf_ros.studies.settings import numbers_of
 from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -81,11 +82,12 @@ def changes(
     Raises:
         MnsfError: A sweep has too few points, or an estimate fails.
     """
-    sweeps = _full_sweeps(triplet, max(options.case.numbers_of_points))
+    sizes = numbers_of(options.case.sizes)
+    sweeps = _full_sweeps(triplet, max(sizes))
     tree = cKDTree(triplet.next.kept_xyz)
-    for size, repeat in product(options.case.numbers_of_points, range(options.case.repeats)):
+    for size, repeat in product(sizes, range(options.case.repeats)):
         random = np.random.default_rng([options.evaluation.seed, size, repeat])
-        # So many rows of each sweep, and one more.
+        # `size` rows of each sweep, and one more.
         drawn = {
             name: random.choice(len(sweep), size + 1, replace=False)
             for name, sweep in sweeps.items()
@@ -152,7 +154,7 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
         "sweep do not change with it. Fits end after the steps of the settings, converged or not, "
         "unless early stopping was asked for."
     )
-    sizes = options.case.numbers_of_points
+    sizes = numbers_of(options.case.sizes)
     header = ["replaced in", *(f"N = {size:,}" for size in sizes), "slope"]
     tables: list[TextTable] = []
     for part, words in _PARTS.items():

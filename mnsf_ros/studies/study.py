@@ -25,7 +25,7 @@ class StudyOptions:
     """Data and settings of a study; `landscape` and `stability` use the first example only."""
 
     out: Path  # folder for all files
-    evaluation: EvaluationOptions  # its seed is that of all other draws, too
+    evaluation: EvaluationOptions  # its seed is used for all other draws, too
     recordings: Sequence[Path]
     resume: bool = False  # whether to continue with the files in the folder
     command: tuple[str, ...] = ()  # for the record

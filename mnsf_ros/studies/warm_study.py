@@ -13,7 +13,7 @@ from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.presets import settings_for
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
-from mnsf_ros.studies.settings import CaseStudySettings
+from mnsf_ros.studies.settings import CaseStudySettings, numbers_of
 from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.studies.variants import evaluated, texts_on
 
@@ -56,8 +56,8 @@ def _families(case: CaseStudySettings) -> _Families:
     warm = f"{_LIVE}+optimization.max_iterations"
     cold = f"{_LIVE}+warm_start.enabled=false+live.first_iterations"
     return {
-        "warm": {f"warm, {_steps(k)}": f"{warm}={k}" for k in case.numbers_of_warm_steps},
-        "cold": {f"cold, {_steps(k)}": f"{cold}={k}" for k in case.numbers_of_cold_steps},
+        "warm": {f"warm, {_steps(k)}": f"{warm}={k}" for k in numbers_of(case.warm_steps)},
+        "cold": {f"cold, {_steps(k)}": f"{cold}={k}" for k in numbers_of(case.cold_steps)},
         "online": {"online": "online"},
     }
 

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep, the triplet of one estimate, and where an estimate starts."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -172,6 +173,7 @@ class Start(Enum):
     COLD_TIME_JUMP = "cold: time went back"
     COLD_FRAME = "cold: frame_id changed"
     COLD_SETTINGS = "cold: settings changed"
+    COLD_TIMES = "cold: times of points found"
     COLD_NETWORKS = "cold: fresh networks"
 
 
@@ -207,13 +209,16 @@ class SweepTriplet:
             return self
         if motion is not None:
             motion = tilt.level_from_sensor @ motion @ tilt.sensor_from_level
+        return replace(self.changed(lambda sweep: sweep.levelled), next_from_current=motion)
+
+    def changed(self, change: Callable[[Sweep], Sweep]) -> "SweepTriplet":
+        """Returns the triplet with each of its sweeps changed."""
         return replace(
             self,
-            previous=None if self.previous is None else self.previous.levelled,
-            current=self.current.levelled,
-            next=self.next.levelled,
-            earlier=tuple(sweep.levelled for sweep in self.earlier),
-            next_from_current=motion,
+            previous=None if self.previous is None else change(self.previous),
+            current=change(self.current),
+            next=change(self.next),
+            earlier=tuple(change(sweep) for sweep in self.earlier),
         )
 
     @property

@@ -27,21 +27,13 @@ _NUM_STAMPS: Final = 8
 
 @dataclass(frozen=True, eq=False)
 class CloudSource:
-    """The cloud of a sweep.
+    """The cloud of a sweep."""
 
-    Attributes:
-        message: A sensor_msgs/PointCloud2, or an object with its attributes.
-        measured: (height * width,) bool, the points of the message that are in the sweep.
-        times: Times of these points.
-        is_stamped: Whether the message has a stamp.
-        num_untimed: Points that were left out because their time is outside the sweep.
-    """
-
-    message: Any
-    measured: NDArray[np.bool_]
-    times: PointTimes
-    is_stamped: bool = True
-    num_untimed: int = 0
+    message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes
+    measured: NDArray[np.bool_]  # (height * width,) points of the message that are in the sweep
+    times: PointTimes  # of these points
+    is_stamped: bool = True  # whether the message has a stamp
+    num_untimed: int = 0  # points that were left out because their time is outside the sweep
 
     @property
     def rings(self) -> NDArray[np.integer[Any]] | None:
@@ -87,7 +79,7 @@ class CloudReader:
 
     @property
     def _interval_s(self) -> float:
-        """The median interval; until the second cloud that of most lidars."""
+        """The median interval; until the second cloud the usual interval of lidars."""
         interval_ns = float(np.median(np.diff(self._stamps_ns))) if len(self._stamps_ns) > 1 else 0
         return interval_ns / NANOSECONDS if interval_ns > 0 else USUAL_INTERVAL_S
 

@@ -14,24 +14,18 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S, packed_colors
 from mnsf_ros.settings import OutputSettings
 
+# From the estimate and the seconds to the next sweep to the values (N,) of the points of the sweep;
+# None if the method has no such values.
 Values = Callable[[FlowEstimate, float], NDArray[Any] | None]
 
 
 @dataclass(frozen=True)
 class FlowColumn:
-    """One value for each point.
+    """One value for each point."""
 
-    Attributes:
-        name: Name of the field in a cloud.
-        dtype: Type of the values, one that a PointField can have.
-        missing: Value of points that were not measured, and of all points if there are no values.
-        values: From the estimate and the seconds to the next sweep to the values (N,) of points of
-            the sweep; None if the method has no such values.
-    """
-
-    name: str
-    dtype: DTypeLike
-    missing: float
+    name: str  # of the field in a cloud
+    dtype: DTypeLike  # one that a PointField can have
+    missing: float  # for points that were not measured, and for all points without values
     values: Values
 
 
@@ -104,16 +98,10 @@ def flow_columns(
     measured: NDArray[np.bool_],
     columns: Sequence[FlowColumn] = FLOW_COLUMNS,
 ) -> dict[str, NDArray[Any]]:
-    """Returns columns of the table, by name.
+    """Returns columns (M,) of the table, by name.
 
-    Args:
-        estimate: The estimate.
-        interval_s: Seconds to the next sweep; where it is not positive there are no velocities.
-        measured: (M,) bool, the points of the cloud that are in the sweep, N of them.
-        columns: Rows of the table.
-
-    Returns:
-        (M,) each, with the missing value where a point is not in the sweep.
+    `interval_s` is the time to the next sweep; there are no velocities if it is not positive. The
+    mask `measured` (M,) has the N points of the cloud that are in the sweep.
     """
     return {
         column.name: _in_rows(

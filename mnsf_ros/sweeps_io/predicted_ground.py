@@ -63,7 +63,7 @@ def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
     """(P, 5) x, y, z, time and `track_id` of samples of the ground that an object will cover."""
     speed_m_s = max(math.hypot(*item.velocity[:2].tolist()), _CELL_M)
     direction = np.abs(_rotations(np.array(-item.yaw)) @ item.velocity[:2]) / speed_m_s
-    # Half of its box at one time is in that of the next.
+    # From one time to the next, half of the box overlaps.
     step_s = max(float(item.size[:2] @ direction), _CELL_M) / 2 / speed_m_s
     num_steps = math.ceil(horizon_s / min(step_s, _LONGEST_STEP_S))
     times_s = np.linspace(0.0, horizon_s, num_steps + 1)
@@ -84,7 +84,7 @@ def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
 
 def _ways(item: TrackedObject, times_s: FloatArray) -> FloatArray:
     """(T, 3) metres that an object covers at constant speed and turn rate."""
-    # The mean direction of an arc is that of its middle.
+    # The mean direction of an arc is the direction in its middle.
     half_turns = item.turn_rate * times_s / 2
     chords = times_s * np.sinc(half_turns / np.pi)
     ways = np.outer(times_s, item.velocity)

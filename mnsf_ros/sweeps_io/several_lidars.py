@@ -37,15 +37,10 @@ class ArrivedSweep:
 
 @dataclass(frozen=True, eq=False)
 class LidarGroup:
-    """Sweeps of one revolution.
+    """Sweeps of one revolution, by the number of the lidar, from 0."""
 
-    Attributes:
-        sweeps: Number of a lidar, from 0, to its sweep, the reference first.
-        clocks_ahead_s: Number of a lidar whose clock differs to the seconds that it is ahead.
-    """
-
-    sweeps: dict[int, ArrivedSweep]
-    clocks_ahead_s: dict[int, float]
+    sweeps: dict[int, ArrivedSweep]  # the reference first
+    clocks_ahead_s: dict[int, float]  # of lidars whose clock differs
 
     @property
     def reference(self) -> ArrivedSweep:
@@ -130,7 +125,7 @@ class LidarGroups:
         return [index for index in range(len(self._queues)) if index not in self._silent]
 
     def _agreeing(self, settings: LidarsSettings) -> list[int]:
-        """The largest set of working lidars with one clock; of equal ones that of before."""
+        """The largest set of working lidars with one clock; of equal ones the last choice."""
         near_ns = (settings.tolerance_s + settings.max_wait_s) * NANOSECONDS
         working = self._working
         sets = [[j for j in working if self._agree(i, j, near_ns)] for i in working]
@@ -186,12 +181,8 @@ def merged_sweep(
     Fields of its cloud: x, y, z, `intensity` if all lidars have it, `time` (seconds after the
     stamp) unless all points have the same time, and `lidar`, counted from 1.
 
-    Args:
-        sweeps: Number of the lidar, from 0, to its sweep, whose `source` is a CloudSource.
-        frame_from_lidar: Number of the lidar to its pose (4, 4) in the common frame.
-        stamp_ns: Stamp of the merged sweep.
-        header: Header of its cloud, with the name of the common frame.
-        mounting: Of the merged cloud.
+    Sweeps, each with a CloudSource, and poses (4, 4) in the common frame are by the number of the
+    lidar, from 0. Stamp, header and mounting are for the merged sweep.
     """
     xyz = np.concatenate(
         [

@@ -49,8 +49,8 @@ def read_halves(
 ) -> tuple[Half, Half]:
     """Reads the first examples of both halves of each recording; no sweep is in both.
 
-    The scored points are those of `options`, whatever settings are tried later: settings cannot win
-    by leaving out difficult points.
+    The points to score are chosen by `options`, whatever settings are tried later: settings cannot
+    win by leaving out difficult points.
 
     Raises:
         EvaluationError: A half of all recordings has no example.

@@ -35,8 +35,8 @@ def truth_track(indices):
 
 
 def take(track, index):
-    truth, passed_over = track.take(small.sweep(index))
-    return None if truth is None else truth.stamp_ns, passed_over
+    truth, num_skipped = track.take(small.sweep(index))
+    return None if truth is None else truth.stamp_ns, num_skipped
 
 
 @pytest.mark.parametrize("wrong", [3, -5000])

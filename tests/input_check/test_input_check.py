@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.input_check import InputCheck
 from mnsf_ros.input_check.sweep_sample import Located
@@ -74,10 +75,11 @@ def street(is_rolling=True):
     ]
 
 
-def checked(clouds, num_own=0, reach_m=0.0, num_parts=1):
+def checked(clouds, num_own=0, reach_m=0.0, num_parts=1, *, is_turning=None):
     own_body = np.full((num_own, 3), (reach_m, 0.0, 0.0), np.float32)
-    mounting = MountingEstimate()
-    check = InputCheck(Settings(), mounting)
+    mounting, rotation = MountingEstimate(), LidarRotation()
+    rotation.is_found = is_turning
+    check = InputCheck(Settings(), mounting, rotation)
     for cloud in clouds:
         sweep = mounting.mounted(cloud.sweep, Settings())
         check.add(sweep, num_parts)
@@ -227,6 +229,14 @@ def test_without_times_it_cannot_be_known_whether_the_lidar_turns():
     assert "clockwise" not in finding.remedy
 
 
+def test_times_that_the_stream_found_are_said():
+    check = checked(street(is_rolling=False), is_turning=True)
+    (finding,) = check.findings()
+    assert not finding.is_wrong
+    assert "points have no times, but the lidar turns" in finding.found
+    assert "by the order of the points" in check.facts()["times of points"]
+
+
 def test_facts_describe_the_stream():
     facts = checked(street()).facts()
     assert facts["rate"].startswith("10.0 Hz")
@@ -244,13 +254,13 @@ def test_too_few_points_are_the_one_fault(number):
     (finding,) = wrong(clouds)
     assert f"a cloud has {number} measured points" in finding.found
     assert check.facts()["frame"] == "lidar"
-    assert not InputCheck(Settings(), MountingEstimate()).findings()
+    assert not InputCheck(Settings(), MountingEstimate(), LidarRotation()).findings()
 
 
 @pytest.mark.parametrize("factor", [0.0, 1e-30, 3e37])
 def test_points_and_times_of_any_size_are_taken(factor):
     rng = np.random.default_rng(0)
-    check = InputCheck(Settings(), MountingEstimate())
+    check = InputCheck(Settings(), MountingEstimate(), LidarRotation())
     for number in range(30):
         xyz = np.float32(factor) * rng.normal(0, 1, (100, 3)).astype(np.float32)
         times_s = np.float32(number % 2) * rng.uniform(-2, 2, 100).astype(np.float32)
@@ -289,7 +299,7 @@ def weaving():
     ids=["good", "degrees", "negative", "other axes", "none"],
 )
 def test_turn_rates_that_contradict_the_clouds_are_said(spoil, text):
-    check, cloud = InputCheck(Settings(), MountingEstimate()), street()[0]
+    check, cloud = InputCheck(Settings(), MountingEstimate(), LidarRotation()), street()[0]
     for time_s, pose, rates in weaving():
         stamped = replace(cloud, stamp_ns=10**18 + round(time_s * 1e9)).sweep
         check.add(stamped)

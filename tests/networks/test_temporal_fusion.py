@@ -55,7 +55,7 @@ def test_fusion_is_fitted_where_it_has_weights(device, generator, kind):
     points = 5 * torch.rand(200, 3, generator=generator)
     flow = torch.rand(200, 3, generator=generator) - 0.5
     flows = torch.cat([flow, flow + torch.tensor([0.5, 0.0, 0.0])], dim=1).to(device)
-    target = TargetDistance.to_points((points + flow).to(device), Settings().distance)
+    target = TargetDistance((points + flow).to(device), Settings().distance)
     network = fusion_network(settings_of(kind), generator).to(device)
     points, schedule = points.to(device), Schedule(300, 0.02, True)
     result = minimize(network, lambda: target.mean(points + network(flows)), schedule)

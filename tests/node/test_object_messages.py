@@ -123,16 +123,24 @@ def messages_by_topic(monkeypatch):
 
 
 def test_messages_of_autoware(messages_by_topic):
-    objects = [tracked(1), tracked(2, yaw=np.pi), tracked(3, num_points=0)]
+    outline = np.array([(2.0, 0.5), (-1.5, 0.75), (-2.0, -0.5)])
+    objects = [
+        *(tracked(1), tracked(2, yaw=np.pi), tracked(3, num_points=0)),
+        tracked(4, outline=outline),
+    ]
     messages = messages_by_topic("autoware_perception_msgs", AUTOWARE, objects)
     assert all(is_of_sweep(message) for message in messages.values())
     tracks, detections = messages["~/objects/autoware"], messages["~/objects/autoware/detected"]
-    assert len({bytes(item.object_id.uuid) for item in tracks.objects}) == 3
+    assert len({bytes(item.object_id.uuid) for item in tracks.objects}) == 4
     assert not any(item.kinematics.is_stationary for item in tracks.objects)
     assert all(item.existence_probability == 1 for item in tracks.objects)
     assert_in_autoware(*tracks.objects[:2])
     # Only what is seen at present is detected.
-    assert_in_autoware(*detections.objects)
+    *boxes, seen = detections.objects
+    assert_in_autoware(*boxes)
+    assert seen.shape.type == seen.shape.POLYGON
+    corners = [(corner.x, corner.y) for corner in seen.shape.footprint.points]
+    np.testing.assert_array_equal(corners, outline)
     for state in (item.kinematics for item in detections.objects):
         assert state.has_position_covariance
         assert state.has_twist

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_street import BoxStreet, box_points, pose, stamp_ns, triplets_of
@@ -92,3 +94,13 @@ def test_boxes_name_the_body_from_the_first_sweep_on(boxes):
 def test_the_body_is_not_looked_for_if_not_wanted():
     *_, last = estimates(settings=SETTINGS.changed({"crop.own_body": "none"}))
     assert len(last.own_body) == 0
+
+
+@pytest.mark.parametrize(("frame_id", "is_known"), [("lidar", True), ("rear", False)])
+def test_the_body_stays_known_after_a_break_while_the_frame_stays(frame_id, is_known):
+    estimator = ObjectFlowEstimator(SETTINGS)
+    for one in triplets_of([sweep(index) for index in range(16)]):
+        estimator.estimate(one)
+    after = [replace(sweep(index), frame_id=frame_id) for index in range(100, 103)]
+    (first,) = (estimator.renewed(SETTINGS).estimate(one) for one in triplets_of(after))
+    assert (len(first.own_body) > 0.9 * NUM_BEHIND) == is_known

@@ -63,6 +63,15 @@ class TestCar:
             np.testing.assert_allclose(car.size, (4.0, 1.8, 1.5), atol=0.35)
             assert car.yaw == pytest.approx(np.radians(-index), abs=0.03)
 
+    def test_has_its_outline(self, all_known):
+        for known in all_known:
+            corners = car_of(known).outline
+            edges, (x, y) = np.roll(corners, -1, axis=0) - corners, corners.T
+            (ahead, left), (next_ahead, next_left) = edges.T, np.roll(edges, -1, axis=0).T
+            assert (ahead * next_left > next_ahead * left).all()
+            area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
+            assert area == pytest.approx(4.0 * 1.8, rel=0.2)
+
     def test_has_its_velocity(self, all_known):
         for index, known in enumerate(all_known, start=1):
             expected = path(index)[:3, :3].T @ (SPEED_M_S, 0, 0)

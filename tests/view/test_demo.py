@@ -15,15 +15,25 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.node.raw_topics import RawTopics
+from mnsf_ros.recording.bag_reader import open_recording
+from mnsf_ros.recording.bag_writer import BagWriter
 from msg_utils.other_clouds import CLOUD_TYPE
 
 CHECKOUT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-def test_flow_comes_out_and_ctrl_c_ends_all_of_it(make_street, own_domain: None) -> None:
-    street, flows = make_street(duration_s=2.0, num_columns=360), []
-    places = [f"BIN={Path(sys.executable).parent}", "READY=", f"BAG={street}"]
+def test_flow_comes_out_and_ctrl_c_ends_all_of_it(
+    make_street, tmp_path: Path, own_domain: None
+) -> None:
+    recording, flows = tmp_path / "own", []
+    with (
+        open_recording(make_street(duration_s=2.0, num_columns=360), pytest.fail) as street,
+        BagWriter(recording) as writer,
+    ):
+        for time_ns, raw in street.raw_messages("/points"):
+            writer.write_raw("/robot/lidar", CLOUD_TYPE, time_ns, bytes(raw))
+    places = [f"BIN={Path(sys.executable).parent}", "READY=", f"BAG={recording}"]
     command = ["make", "demo", *places, f"DOMAIN={os.environ['ROS_DOMAIN_ID']}"]
     with (
         RawTopics("listener") as ros,
