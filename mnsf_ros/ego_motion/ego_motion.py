@@ -18,7 +18,7 @@ from mnsf_ros.ego_motion.covariance import (
     step_covariance,
 )
 from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
-from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
+from mnsf_ros.ego_motion.sweep_matcher import KNOWN_VELOCITY, Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion, Turns
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
@@ -104,13 +104,15 @@ class _Match:
         motion: (4, 4) last_from_sweep.
         cloud: Its points for the map.
         map: The map that it was matched with; the sweep is not in it yet.
-        bending: The motion during the sweep and the ones after; None if not used.
+        during: The motion during it; None if not known.
+        bending: The motion expected during the next sweep; None if not used.
     """
 
     found: Placed
     motion: NDArray[np.float64]
     cloud: Cloud | None
     map: SweepMatcher
+    during: SweepMotion | None
     bending: SweepMotion | None
 
 
@@ -129,13 +131,14 @@ class EgoMotion:
         self._last_interval_ns = 0
         # The same for all sweeps of a world, so that intervals are those of the stamps.
         self._moment_s: float | None = None
-        self._bending: SweepMotion | None = None
+        self._bending: SweepMotion | None = None  # expected
+        self._during: SweepMotion | None = None  # the last sweep, if registered
         self._gyroscope = Gyroscope(is_used=settings.imu)
         self._turns: Turns | None = None  # of the last sweep
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
         """The pose of a sweep newer than all before. The first sweep is the origin."""
-        last, self._last = self._last, sweep
+        last, self._last, self._during = self._last, sweep, None
         self._last_pose = self._start(sweep) if last is None else self._next_pose(last, sweep)
         return self._last_pose
 
@@ -143,7 +146,9 @@ class EgoMotion:
         """The sensor's motion during a sweep, as far as it is known by now."""
         if sweep.times_s is None or self._bending is None:
             return None
-        return replace(self._bending, turns=self._turns if sweep is self._last else None)
+        if sweep is not self._last:
+            return replace(self._bending, turns=None)
+        return self._during or replace(self._bending, turns=self._turns)
 
     def _bent_by(
         self, sweep: Sweep, step: NDArray[np.float64], interval_ns: int
@@ -154,7 +159,8 @@ class EgoMotion:
         if self._moment_s is None:
             self._moment_s = sweep.middle_s
         motion = SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
-        return replace(motion, turns=self._turns)
+        variance = motion.variance if self._bending is None else self._bending.variance
+        return replace(motion, turns=self._turns, variance=variance)
 
     def _start(self, sweep: Sweep) -> SensorPose:
         has_odometry = self._is_odometry_wanted and sweep.odometry is not None
@@ -229,8 +235,8 @@ class EgoMotion:
             guess = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns, None)
             match = self._matched(self._map, last, world_from_last, sweep, guess)
         if match is not None:
-            self._map, self._bending = match.map, match.bending
-            self._map.add(match.cloud, match.found.pose)
+            self._map, self._during, self._bending = match.map, match.during, match.bending
+            self._map.add(match.cloud, match.found)
             return match.motion, EgoSource.REGISTRATION, match.found.covariance
         self._turns = turns
         pose = world_from_last if expected is None else expected.pose
@@ -261,7 +267,10 @@ class EgoMotion:
             match = map_.match(cloud, expected)
             if match is None:
                 return None
-            found = match
+            found, during = match, None
+            if bending is not None:
+                axes = np.kron(np.eye(2), found.pose[:3, :3])
+                during = replace(bending, velocity=bending.velocity + axes.T @ found.velocity)
             motion = np.linalg.inv(world_from_last) @ found.pose
             refined = self._bent_by(sweep, motion, interval_ns)
             if refined is None or (bending is not None and refined.is_like(bending)):
@@ -274,7 +283,7 @@ class EgoMotion:
             refined = self._bending
         elif bending is not None:
             refined = bending.towards(refined)
-        return _Match(found, motion, cloud, map_, refined)
+        return _Match(found, motion, cloud, map_, during, refined)
 
     def _expected(
         self,
@@ -299,13 +308,22 @@ class EgoMotion:
         change = np.diag(np.square([change_m, change_m, _HEAVE_M]))
         covariance = intervals**2 * self._last_covariance
         covariance[:3, :3] += axes @ change @ axes.T
-        return Placed(world_from_last @ motion, covariance)
+        pose = world_from_last @ motion
+        return Placed(pose, covariance, velocity_covariance=self._velocity_covariance(pose))
+
+    def _velocity_covariance(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(6, 6) of the motion during a sweep at a pose, axes of the world; measured turns hold."""
+        if self._bending is None:
+            return KNOWN_VELOCITY
+        variance = self._bending.variance * ([1.0] * 3 + [self._turns is None] * 3)
+        axes = np.kron(np.eye(2), pose[:3, :3])
+        return np.asarray(KNOWN_VELOCITY + axes @ np.diag(variance) @ axes.T, np.float64)
 
     def _map_of(
         self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None
     ) -> SweepMatcher:
         matcher = SweepMatcher(self._settings)
-        matcher.add(matcher.prepared(sweep, motion), pose)
+        matcher.add(matcher.prepared(sweep, motion), Placed(pose, np.eye(6)))
         return matcher
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mnsf_ros.ego_motion.sweep_motion import Turns
+from mnsf_ros.ego_motion.sweep_motion import NUM_TURNS, Turns
 from mnsf_ros.sweeps.rate_track import are_covered
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -22,8 +22,6 @@ _MAX_JUDGED: Final = 9
 # sweeps are registered without rates, and that of an MPU-6050 drifts by 0.3 degrees/s a kelvin.
 _NUM_FIRST: Final = 3
 _MEMORY: Final = 50
-# Rotations in the table of a sweep.
-_NUM_TURNS: Final = 33
 
 
 class Gyroscope:
@@ -46,7 +44,7 @@ class Gyroscope:
         if not self._is_good or sweep.times_s is None:
             return None
         first_s, last_s = sweep.span_s
-        even_s = np.linspace(first_s, last_s, _NUM_TURNS)
+        even_s = np.linspace(first_s, last_s, NUM_TURNS)
         times_s = np.union1d(even_s, [0.0, moment_s])
         found = self._orientations(sweep, times_s)
         if found is None:

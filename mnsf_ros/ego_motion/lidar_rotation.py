@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
-from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
+from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.azimuth_times import times_in_order
@@ -125,7 +125,7 @@ class LidarRotation:
         shares = []
         for before, cloud in zip(self._views[0].clouds, view.clouds, strict=True):
             matcher = SweepMatcher(near)
-            matcher.add(before, self._views[0].world_from_sensor)
+            matcher.add(before, Placed(self._views[0].world_from_sensor, np.eye(6)))
             shares.append(matcher.share_matched(cloud, pose))
         turning, *others = shares
         if turning > 0 and max(others) > 0:

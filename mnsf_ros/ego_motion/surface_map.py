@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.surfaces import add_moments, compare, fit_surfaces
 
 # Cells not seen for long are dropped each time this many sweeps were added.
@@ -32,15 +33,21 @@ class Comparison:
     Attributes:
         support: Points on the surface of their cell; one that is off by the noise counts half.
         num_known: Points in cells that are not empty.
-        gradient: (6,) of -noise^2 / 2 times the support, with respect to a shift of the points
-            along the world axes in metres, then to a turn about the sensor in radians.
-        curvature: (6, 6) its derivative with fixed weights of the points.
+        gradient: (U,) of -noise^2 / 2 times the support, with respect to a shift of the points
+            along the world axes in metres, then to a turn about the sensor in radians. U is 6. It
+            is 12 for clouds of several parts: the velocity follows, in the same units per second.
+        curvature: (U, U) its derivative with fixed weights of the points.
     """
 
     support: float
     num_known: int
     gradient: NDArray[np.float64]
     curvature: NDArray[np.float64]
+
+    @property
+    def has_velocity(self) -> bool:
+        """Whether the velocity is among the unknowns."""
+        return len(self.gradient) > 6
 
     @property
     def upright(self) -> float:
@@ -70,51 +77,48 @@ class SurfaceMap:
         """True before the first sweep."""
         return self._num_added == 0
 
-    def add(self, points: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
-        """Adds points (N, 3), metres, of a sweep that was taken at a (4, 4) pose."""
+    def add(self, cloud: Cloud, poses: NDArray[np.float64]) -> None:
+        """Adds a cloud whose parts were measured at poses (K, 4, 4)."""
+        middle = poses[len(poses) // 2]
         if self.is_empty:
-            self._origin = pose[:3, 3] - _FIRST_BORDER * self._cell_m
-        moved = self._moved(points, pose)
+            self._origin = middle[:3, 3] - _FIRST_BORDER * self._cell_m
+        moved = self._moved(cloud, poses)
         if moved is None:
             return
         self._num_added += 1
-        if self._num_added % _SWEEPS_TO_CLEAR == 0 or self._num + len(points) > len(self._seen):
-            self._clear(len(points))
+        if self._num_added % _SWEEPS_TO_CLEAR == 0 or self._num + len(cloud) > len(self._seen):
+            self._clear(len(cloud))
         cells = self._cells_of(moved, adding=True)
         self._seen[cells] = self._num_added
         where = (cells, self._indices, self._cell_m, self._moments, self._num_new)
         add_moments(moved, *where)
-        sensor = np.stack([pose[:3, 3] - self._origin, pose[:3, 2]])
+        sensor = np.stack([middle[:3, 3] - self._origin, middle[:3, 2]])
         fit_surfaces(*where, sensor, self._surfaces)
 
-    def compared(
-        self, points: NDArray[np.float32], pose: NDArray[np.float64], noise_m: float
-    ) -> Comparison:
-        """Compares points (N, 3), metres, of a sweep with the map.
+    def compared(self, cloud: Cloud, poses: NDArray[np.float64], noise_m: float) -> Comparison:
+        """Compares a cloud with the map.
 
         Args:
-            points: The points.
-            pose: (4, 4) of the sensor.
+            cloud: The cloud.
+            poses: (K, 4, 4) of the sensor, one for each part.
             noise_m: A point at this distance from the surface of its cell counts half.
         """
-        equations, found = np.zeros((6, 7)), (0.0, 0)
-        moved = self._moved(points, pose)
+        equations, found = np.zeros((len(poses), 6, 7)), (0.0, 0)
+        moved = self._moved(cloud, poses)
         if moved is not None:
-            cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
-            found = compare(
-                moved, cells, self._surfaces, tuple(sensor.tolist()), noise_m, equations
-            )
-        return Comparison(*found, gradient=equations[:, 6], curvature=equations[:, :6])
+            cells = self._cells_of(moved, adding=False)
+            sensor = tuple((poses[len(poses) // 2, :3, 3] - self._origin).tolist())
+            where = (moved, cloud.parts, cells)
+            found = compare(*where, self._surfaces, sensor, noise_m, equations)
+        return Comparison(*found, *_of_velocity(equations, cloud.part_times_s))
 
-    def _moved(
-        self, points: NDArray[np.float32], pose: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _moved(self, cloud: Cloud, poses: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """(N, 3) metres from the origin of the map, axes of the world; None far from it."""
-        own = pose[:3].copy()
-        own[:, 3] -= self._origin
-        if not np.abs(own[:, 3]).max() < _MAX_WAY_M:
+        own = poses[:, :3].copy()
+        own[:, :, 3] -= self._origin
+        if not np.abs(own[:, :, 3]).max() < _MAX_WAY_M:
             return None
-        return _transformed(np.ascontiguousarray(points), own)
+        return _transformed(cloud.points, cloud.parts, own)
 
     def _cells_of(self, points: NDArray[np.float64], *, adding: bool) -> NDArray[np.int32]:
         """(N,) the cells of points (N, 3); -1 where there is none, unless they are added."""
@@ -159,16 +163,31 @@ class SurfaceMap:
         self._surfaces = np.zeros((room, 4, 3))  # the center, and the weights
 
 
-@compiled("float64[:, ::1](float32[:, ::1], float64[:, ::1])")
+def _of_velocity(
+    equations: NDArray[np.float64], times_s: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gradient (U,) and curvature (U, U) by the equations (K, 6, 7) of parts at some times (K,).
+
+    A velocity moves a part in proportion to its time.
+    """
+    if len(times_s) == 1:
+        return equations[0, :, 6], equations[0, :, :6]
+    plain, once, twice = np.tensordot(times_s ** np.arange(3)[:, None], equations, 1)
+    gradient = np.concatenate([plain[:, 6], once[:, 6]])
+    return gradient, np.block([[plain[:, :6], once[:, :6]], [once[:, :6], twice[:, :6]]])
+
+
+@compiled("float64[:, ::1](float32[:, ::1], int32[::1], float64[:, :, ::1])")
 def _transformed(
-    points: NDArray[np.float32], transform: NDArray[np.float64]
+    points: NDArray[np.float32], parts: NDArray[np.int32], transforms: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     result = np.empty((len(points), 3))
     for row in range(len(points)):
-        x, y, z = points[row, 0], points[row, 1], points[row, 2]
+        part, x, y, z = parts[row], points[row, 0], points[row, 1], points[row, 2]
         for axis in range(3):
-            turned = x * transform[axis, 0] + y * transform[axis, 1] + z * transform[axis, 2]
-            result[row, axis] = turned + transform[axis, 3]
+            turned = x * transforms[part, axis, 0] + y * transforms[part, axis, 1]
+            turned += z * transforms[part, axis, 2]
+            result[row, axis] = turned + transforms[part, axis, 3]
     return result
 
 

@@ -196,8 +196,8 @@ def _cross(arm: tuple[float, float, float], x: float, y: float, z: float) -> tup
 
 
 @compiled(
-    "void(float64, UniTuple(float64, 3), UniTuple(float64, 3), int64, float64[:, :, ::1],"
-    " float64[:, ::1])"
+    "void(float64, UniTuple(float64, 3), UniTuple(float64, 3), int64, float64[:, :, ::1], int64,"
+    " float64[:, :, ::1])"
 )
 def _add_equations(
     weight: float,
@@ -205,6 +205,7 @@ def _add_equations(
     pull: tuple[float, float, float],
     cell: int,
     surfaces: NDArray[np.float64],
+    part: int,
     equations: NDArray[np.float64],
 ) -> None:
     """Adds the equation of one point; a turn moves it by its product with the arm to the sensor."""
@@ -215,24 +216,25 @@ def _add_equations(
     for axis in range(3):
         x, y, z = weight * by_x[axis], weight * by_y[axis], weight * by_z[axis]
         turns = _cross(arm, x, y, z)
-        equations[axis, 6] += weight * pull[axis]
-        equations[3 + axis, 6] += weight * turn[axis]
+        equations[part, axis, 6] += weight * pull[axis]
+        equations[part, 3 + axis, 6] += weight * turn[axis]
         for first in range(3):
-            equations[first, axis] += weight * surfaces[cell, 1 + first, axis]
-        equations[0, 3 + axis] += x
-        equations[1, 3 + axis] += y
-        equations[2, 3 + axis] += z
-        equations[3, 3 + axis] += turns[0]
-        equations[4, 3 + axis] += turns[1]
-        equations[5, 3 + axis] += turns[2]
+            equations[part, first, axis] += weight * surfaces[cell, 1 + first, axis]
+        equations[part, 0, 3 + axis] += x
+        equations[part, 1, 3 + axis] += y
+        equations[part, 2, 3 + axis] += z
+        equations[part, 3, 3 + axis] += turns[0]
+        equations[part, 4, 3 + axis] += turns[1]
+        equations[part, 5, 3 + axis] += turns[2]
 
 
 @compiled(
-    "Tuple((float64, int64))(float64[:, ::1], int32[::1], float64[:, :, ::1],"
-    " UniTuple(float64, 3), float64, float64[:, ::1])"
+    "Tuple((float64, int64))(float64[:, ::1], int32[::1], int32[::1], float64[:, :, ::1],"
+    " UniTuple(float64, 3), float64, float64[:, :, ::1])"
 )
 def compare(
     points: NDArray[np.float64],
+    parts: NDArray[np.int32],
     cells: NDArray[np.int32],
     surfaces: NDArray[np.float64],
     sensor: tuple[float, float, float],
@@ -243,13 +245,14 @@ def compare(
 
     Args:
         points: (N, 3) metres.
+        parts: (N,) their parts.
         cells: (N,) their cells, -1 for none.
         surfaces: (C, 4, 3) the center of each surface, and its weights.
         sensor: Metres, the center of turns.
         noise_m: A point at this distance from its surface counts half.
-        equations: (6, 7) zeros; becomes the curvature by a shift, then a turn, if the weights of
-            points stay as they are, and in the last column the gradient of -noise^2 / 2 times the
-            support.
+        equations: (K, 6, 7) zeros; becomes, for each part, the curvature by a shift, then a turn,
+            if the weights of points stay as they are, and in the last column the gradient of
+            -noise^2 / 2 times the support.
 
     Returns:
         The support: a point on its surface counts 1, a point off it less. And the number of points
@@ -275,8 +278,10 @@ def compare(
         near = variance / (variance + squared)
         support += near
         arm = px - sensor[0], py - sensor[1], pz - sensor[2]
-        _add_equations(near * near, arm, (pull_x, pull_y, pull_z), cell, surfaces, equations)
-    for first in range(3):
-        for axis in range(3):
-            equations[3 + axis, first] = equations[first, 3 + axis]
+        pull, part = (pull_x, pull_y, pull_z), int(parts[row])
+        _add_equations(near * near, arm, pull, cell, surfaces, part, equations)
+    for part in range(len(equations)):
+        for first in range(3):
+            for axis in range(3):
+                equations[part, 3 + axis, first] = equations[part, first, 3 + axis]
     return support, known

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Registration of a sweep with a map of the sweeps before it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Final
 
@@ -32,6 +32,8 @@ _MAX_DEVIATION_M: Final = 0.3
 # Besides independent errors, all points share a bias of this size, from traffic or the pattern of
 # the rays. With .0002, errors in tunnels are larger than their covariance.
 _COMMON_M: Final = 0.0003
+# Covariance of a velocity that is not estimated: 0, but with an inverse.
+KNOWN_VELOCITY: Final = 1e-8 * np.eye(6)
 # Of an unconstrained direction.
 _LEAST_CURVATURE: Final = 1e-6
 # Search range without an expected motion: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns
@@ -51,15 +53,20 @@ _MIN_POINTS: Final = 50
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A pose of the sensor and its covariance.
+    """A pose of the sensor and its velocity there, with their covariances.
 
     Attributes:
         pose: (4, 4) world_from_sensor.
         covariance: (6, 6) in the axes of the world: metres, then radians.
+        velocity: (6,) on top of the motion that points were corrected for, in the same axes and
+            units per second.
+        velocity_covariance: (6, 6) of it; the expected velocity is 0.
     """
 
     pose: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    velocity_covariance: NDArray[np.float64] = field(default_factory=KNOWN_VELOCITY.copy)
 
     @property
     def information(self) -> NDArray[np.floating[Any]]:
@@ -88,11 +95,11 @@ class SweepMatcher:
         cloud = Cloud.of(sweep, motion, self._settings)
         return None if len(cloud) < _MIN_POINTS else cloud
 
-    def add(self, cloud: Cloud | None, world_from_sensor: NDArray[np.float64]) -> None:
-        """Adds a sweep to the map, taken at a (4, 4) pose."""
+    def add(self, cloud: Cloud | None, placed: Placed) -> None:
+        """Adds a sweep to the map."""
         if cloud is not None:
-            self._map.add(cloud.points, world_from_sensor)
-            self._last_pose = world_from_sensor
+            self._map.add(cloud, cloud.poses(placed.pose, placed.velocity))
+            self._last_pose = placed.pose
 
     def match(self, cloud: Cloud | None, expected: Placed | None) -> Placed | None:
         """Returns the pose of a sweep.
@@ -104,45 +111,45 @@ class SweepMatcher:
         if cloud is None or self.is_empty:
             return None
         if expected is not None:
-            found = _known(cloud, *self._near(cloud.points, expected))
+            found = _known(cloud, *self._near(cloud, expected))
             if found is not None:
                 return found
         return self._searched(cloud)
 
     def share_matched(self, cloud: Cloud, expected: NDArray[np.float64]) -> float:
         """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
-        _, there = self._aligned(cloud.points, expected)
+        start = Placed(expected, np.eye(6))
+        _, there = self._aligned(cloud, start, start)
         return there.support / max(len(cloud), 1)
 
-    def _near(
-        self, points: NDArray[np.float32], expected: Placed
-    ) -> tuple[NDArray[np.float64], Comparison]:
+    def _near(self, cloud: Cloud, expected: Placed) -> tuple[Placed, Comparison]:
         """The likeliest pose near an expected one, with the comparison there."""
-        found = self._aligned(points, expected.pose, expected)
-        wide, _ = self._aligned(points, found[0], expected, _WIDE_M)
-        change = wide - found[0]
+        found = self._aligned(cloud, expected, expected)
+        wide, _ = self._aligned(cloud, found[0], expected, _WIDE_M)
+        change = wide.pose - found[0].pose
         if _distance_m(change[:3, 3], change[:3, :3]) < _WIDE_M:
             return found
-        other = self._aligned(points, wide, expected)
-        return max(found, other, key=lambda each: _posterior(each[0], each[1], expected))
+        other = self._aligned(cloud, wide, expected)
+        return max(found, other, key=lambda each: _posterior(each[0].pose, each[1], expected))
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if the map does not know the place."""
-        points, starts = cloud.points, self._starts(cloud)
-        wide = [self._aligned(points, start, None, _WIDE_M)[0] for start in starts]
-        settled = [self._aligned(points, pose) for pose in wide]
+        starts = [Placed(start, np.eye(6)) for start in self._starts(cloud)]
+        wide = [self._aligned(cloud, start, start, _WIDE_M)[0] for start in starts]
+        settled = [self._aligned(cloud, each, each) for each in wide]
         return _known(cloud, *max(settled, key=lambda found: _likelihood(found[1])))
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
-        some = cloud.standing[:: max(1, cloud.num_standing // _SEARCH_POINTS)]
+        stride = max(1, cloud.num_standing // _SEARCH_POINTS)
+        some = Cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
         starts = [self._last_pose]
         for angles_deg, shifts_m in _SEARCHED:
             places = [
                 self._last_pose @ planar_pose(x, y, np.radians(angle))
                 for angle, x, y in product(angles_deg, shifts_m, shifts_m)
             ]
-            there = [self._map.compared(some, pose, _WIDE_M) for pose in places]
+            there = [self._map.compared(some, pose[None], _WIDE_M) for pose in places]
             support = np.array([each.support for each in there])
             support = support.reshape(len(angles_deg), len(shifts_m), len(shifts_m))
             peaks = np.flatnonzero(support == maximum_filter(support, 3))
@@ -151,32 +158,32 @@ class SweepMatcher:
         return starts
 
     def _aligned(
-        self,
-        points: NDArray[np.float32],
-        start: NDArray[np.float64],
-        expected: Placed | None = None,
-        noise_m: float = _NOISE_M,
-    ) -> tuple[NDArray[np.float64], Comparison]:
+        self, cloud: Cloud, start: Placed, expected: Placed, noise_m: float = _NOISE_M
+    ) -> tuple[Placed, Comparison]:
         """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
 
         Also returns the comparison of the last step, close to that pose. Unconstrained directions
         stay at the start.
         """
-        if expected is None:
-            expected = Placed(start, np.eye(6))
-        holds = noise_m**2 * expected.information
-        pose = start.copy()
+        pose, velocity = start.pose.copy(), start.velocity.copy()
+        shift_holds = noise_m**2 * expected.information
+        velocity_holds = noise_m**2 * np.linalg.inv(expected.velocity_covariance)
         for _ in range(_MAX_STEPS):
-            there = self._map.compared(points, pose, noise_m)
+            there = self._map.compared(cloud, cloud.poses(pose, velocity), noise_m)
             gradient, curvature = there.gradient.copy(), there.curvature.copy()
-            gradient[:3] += holds @ (pose[:3, 3] - expected.pose[:3, 3])
-            curvature[:3, :3] += holds
+            gradient[:3] += shift_holds @ (pose[:3, 3] - expected.pose[:3, 3])
+            curvature[:3, :3] += shift_holds
+            if there.has_velocity:
+                gradient[6:] += velocity_holds @ velocity
+                curvature[6:, 6:] += velocity_holds
             step = -solved(curvature + _least(curvature), gradient)
-            pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
+            pose[:3, :3] = Rotation.from_rotvec(step[3:6]).as_matrix() @ pose[:3, :3]
             pose[:3, 3] += step[:3]
-            if _distance_m(step[:3], step[3:]) < _LAST_STEP * noise_m:
+            if there.has_velocity:
+                velocity += step[6:]
+            if _distance_m(step[:3], step[3:6]) < _LAST_STEP * noise_m:
                 break
-        return pose, there
+        return replace(expected, pose=pose, velocity=velocity), there
 
 
 def _distance_m(shift: NDArray[np.float64], turn: NDArray[np.float64]) -> float:
@@ -198,25 +205,28 @@ def _likelihood(there: Comparison) -> float:
     return float(there.upright * np.sqrt(there.support / max(there.num_known, 1)))
 
 
-def _known(cloud: Cloud, pose: NDArray[np.float64], there: Comparison) -> Placed | None:
+def _known(cloud: Cloud, found: Placed, there: Comparison) -> Placed | None:
     """The pose and its covariance; None if the place is unknown or the pose unconstrained."""
-    covariance = _covariance(there)
+    covariance = _covariance(found, there)
     is_held = np.trace(covariance[:2, :2]) < _MAX_DEVIATION_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
-    return Placed(pose, covariance) if is_held and is_known else None
+    return replace(found, covariance=covariance) if is_held and is_known else None
 
 
-def _covariance(there: Comparison) -> NDArray[np.float64]:
+def _covariance(found: Placed, there: Comparison) -> NDArray[np.float64]:
     """(6, 6) of a pose: from independent errors of the points and a bias common to all."""
     curvature = there.curvature + _least(there.curvature)
-    inverse = np.stack([solved(curvature, axis) for axis in np.eye(6)])
-    arm_m2 = np.trace(curvature[3:, 3:]) / np.trace(curvature[:3, :3])
-    common = (_COMMON_M * there.support) ** 2 * np.diag([1.0] * 3 + [arm_m2] * 3)
-    return _NOISE_M**2 * inverse + inverse @ common @ inverse
+    arms = curvature.diagonal().reshape(-1, 3).sum(axis=1)
+    common = (_COMMON_M * there.support) ** 2 * np.diag(np.repeat(arms / arms[0], 3))
+    if there.has_velocity:
+        curvature[6:, 6:] += _NOISE_M**2 * np.linalg.inv(found.velocity_covariance)
+    inverse = np.stack([solved(curvature, axis) for axis in np.eye(len(curvature))])
+    covariance = _NOISE_M**2 * inverse + inverse @ common @ inverse
+    return covariance[:6, :6]
 
 
 def _least(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(6, 6) small curvature that keeps unconstrained directions in place."""
+    """(U, U) small curvature that keeps unconstrained directions in place."""
     return np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The sensor's motion during a sweep, and the correction of points to one moment."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -10,14 +10,20 @@ from scipy.spatial.transform import Rotation
 
 from mnsf_ros.compiled import compiled
 
-# Gains for a new motion, along x, y and z, and about them. A vehicle pitches, rolls and heaves on
-# its springs within a few sweeps: in these axes the last interval predicts little of the next one.
-_GAINS: Final = np.array([0.5, 0.5, 0.1, 0.1, 0.1, 0.5])
+# Along x, y and z, and about them. A vehicle pitches, rolls and heaves on its springs, and a robot
+# with legs at each step: in these axes the last interval predicts little of the next one, and the
+# motion during each sweep is registered.
+_SWAYS: Final = np.array([False, False, True, True, True, False])
+# Gains for a new motion, and for the variance of new motions.
+_GAINS: Final = np.where(_SWAYS, 0.1, 0.5)
+_VARIANCE_GAIN: Final = 0.5
 # Motions are alike if, within `_WITHIN_S`, they move points at `_FAR_M` by less than
 # `_MAX_DIFFERENCE_M` differently.
 _WITHIN_S: Final = 0.1
 _FAR_M: Final = 30.0
 _MAX_DIFFERENCE_M: Final = 0.2
+# Rotations in the table of a sweep.
+NUM_TURNS: Final = 33
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +42,15 @@ class Turns:
     table: NDArray[np.float64]
     moment_from_stamp: NDArray[np.float64]
 
-    def turned(
-        self, vectors: NDArray[np.float32], times_s: NDArray[np.float32], *, back: bool = False
-    ) -> NDArray[np.float32]:
-        """Returns vectors (N, 3) in axes of the sensor at (N,) `times_s` in axes of the moment.
-
-        Backwards, from axes of the moment to those of the sensor.
-        """
-        table = self.table.transpose(0, 2, 1) if back else self.table
-        span = self.first_s, self.last_s
-        return _turned_by(vectors, times_s, *span, np.ascontiguousarray(table, np.float32))
+    @classmethod
+    def steady(
+        cls, rate: NDArray[np.float64], moment_s: float, times_s: NDArray[np.float32]
+    ) -> "Turns":
+        """Returns the rotations at a constant rate (3,), rad/s, in the span of some times (N,)."""
+        first_s, last_s = (float(end(times_s, initial=moment_s)) for end in (np.min, np.max))
+        elapsed_s = np.append(np.linspace(first_s, last_s, NUM_TURNS), 0.0) - moment_s
+        turns = Rotation.from_rotvec(elapsed_s[:, None] * rate).as_matrix()
+        return cls(first_s, last_s, turns[:-1], turns[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +61,14 @@ class SweepMotion:
         velocity: (6,) float64 along x, y and z of the sensor in m/s, then about them in rad/s.
         moment_s: Seconds from the stamp of the sweep to the moment that points are corrected to.
         turns: The measured rotations; None if there are none.
+        variance: (6,) of the velocity, by how the last motions differed; 0 in the axes along which
+            the sensor does not sway.
     """
 
     velocity: NDArray[np.float64]
     moment_s: float
     turns: Turns | None = None
+    variance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
     def of_step(
@@ -77,10 +85,7 @@ class SweepMotion:
     def moment_from_stamp(self) -> NDArray[np.float64]:
         """(4, 4) pose of the sensor at the stamp, in its frame at the moment."""
         pose = np.eye(4)
-        if self.turns is None:
-            pose[:3, :3] = Rotation.from_rotvec(-self.moment_s * self.velocity[3:]).as_matrix()
-        else:
-            pose[:3, :3] = self.turns.moment_from_stamp
+        pose[:3, :3] = self._turns_at(np.zeros(1, np.float32)).moment_from_stamp
         pose[:3, 3] = -self.moment_s * self.velocity[:3]
         return pose
 
@@ -94,8 +99,9 @@ class SweepMotion:
 
     def towards(self, newer: "SweepMotion") -> "SweepMotion":
         """Returns a weighted mean with a newer motion, so that noise does not distort sweeps."""
-        change = _GAINS * (newer.velocity - self.velocity)
-        return SweepMotion(self.velocity + change, newer.moment_s, newer.turns)
+        change = newer.velocity - self.velocity
+        variance = self.variance + _VARIANCE_GAIN * (_SWAYS * change**2 - self.variance)
+        return replace(newer, velocity=self.velocity + _GAINS * change, variance=variance)
 
     def moved(self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns static points as seen at the moment.
@@ -107,65 +113,57 @@ class SweepMotion:
         Returns:
             (N, 3) metres, frame of the sensor at the moment.
         """
-        elapsed_s = times_s - np.float32(self.moment_s)
-        if self.turns is None:
-            moved = self._turned(xyz, elapsed_s)
-        else:
-            moved = self.turns.turned(xyz, times_s)
-        for axis in range(3):
-            moved[:, axis] += elapsed_s * np.float32(self.velocity[axis])
-        return moved
+        return self._moved(xyz, times_s, self.velocity[:3])
 
     def moved_back(
         self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Returns static points (N, 3) of the moment as the sensor sees them at `times_s` (N,)."""
-        elapsed_s = times_s - np.float32(self.moment_s)
-        shift = elapsed_s[:, None] * self.velocity[:3].astype(np.float32)
-        return self.turned_back(xyz - shift, times_s)
+        return self._moved(xyz, times_s, self.velocity[:3], back=True)
 
     def turned_back(
         self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Returns vectors (N, 3), given in axes of the moment, in sensor axes at `times_s` (N,)."""
-        if self.turns is not None:
-            return self.turns.turned(vectors, times_s, back=True)
-        return self._turned(vectors, np.float32(self.moment_s) - times_s)
+        return self._moved(vectors, times_s, np.zeros(3), back=True)
 
-    def _turned(
-        self, vectors: NDArray[np.float32], elapsed_s: NDArray[np.float32]
+    def _moved(
+        self,
+        vectors: NDArray[np.float32],
+        times_s: NDArray[np.float32],
+        velocity: NDArray[np.float64],
+        *,
+        back: bool = False,
     ) -> NDArray[np.float32]:
-        """(N, 3) each vector turned as the sensor turns in its time (Rodrigues' formula)."""
-        rate = float(np.linalg.norm(self.velocity[3:]))
-        if rate == 0.0:
-            return vectors.copy()
-        axes = (self.velocity[3:] / rate).astype(np.float32)
-        angles = elapsed_s * np.float32(rate)
-        sines, cosines = np.sin(angles), np.cos(angles)
-        # By column: numpy takes several times as long over the short axis of an array.
-        columns = [np.ascontiguousarray(vectors[:, axis]) for axis in range(3)]
-        along = columns[0] * axes[0] + columns[1] * axes[1] + columns[2] * axes[2]
-        along *= 1 - cosines
-        result = np.empty_like(vectors)
-        for axis in range(3):
-            second, third = (axis + 1) % 3, (axis + 2) % 3
-            column = columns[third] * axes[second] - columns[second] * axes[third]
-            column *= sines
-            column += columns[axis] * cosines
-            column += along * axes[axis]
-            result[:, axis] = column
-        return result
+        turns = self._turns_at(times_s)
+        table = turns.table.transpose(0, 2, 1) if back else turns.table
+        span = turns.first_s, turns.last_s, self.moment_s
+        rotations = np.ascontiguousarray(table, np.float32)
+        return _moved_by(vectors, times_s, *span, rotations, velocity.astype(np.float32), back)
+
+    def _turns_at(self, times_s: NDArray[np.float32]) -> Turns:
+        """The measured rotations, else those of a constant rate at the times (N,)."""
+        return self.turns or Turns.steady(self.velocity[3:], self.moment_s, times_s)
 
 
-@compiled("float32[:, ::1](float32[:, :], float32[:], float64, float64, float32[:, :, ::1])")
-def _turned_by(
+@compiled(
+    "float32[:, ::1](float32[:, :], float32[:], float64, float64, float64, float32[:, :, ::1],"
+    " float32[::1], boolean)"
+)
+def _moved_by(
     vectors: NDArray[np.float32],
     times_s: NDArray[np.float32],
     first_s: float,
     last_s: float,
+    moment_s: float,
     table: NDArray[np.float32],
+    velocity: NDArray[np.float32],
+    back: bool,
 ) -> NDArray[np.float32]:
-    """(N, 3) each vector turned by the rotation at its time, linear between those of a table."""
+    """(N, 3) each vector turned by the rotation at its time, linear between those of a table.
+
+    Then it moves with the velocity for the time since the moment; backwards, it moves back first.
+    """
     result = np.empty((len(vectors), 3), np.float32)
     last = len(table) - 1
     scale = last / (last_s - first_s) if last_s > first_s else 0.0
@@ -173,11 +171,18 @@ def _turned_by(
         place = min(max((times_s[row] - first_s) * scale, 0.0), float(last))
         number = min(int(place), last - 1)
         share = np.float32(place - number)
+        elapsed_s = np.float32(times_s[row] - moment_s)
         x, y, z = vectors[row, 0], vectors[row, 1], vectors[row, 2]
+        if back:
+            x -= elapsed_s * velocity[0]
+            y -= elapsed_s * velocity[1]
+            z -= elapsed_s * velocity[2]
         for axis in range(3):
             before = table[number, axis, 0] * x + table[number, axis, 1] * y
             before += table[number, axis, 2] * z
             after = table[number + 1, axis, 0] * x + table[number + 1, axis, 1] * y
             after += table[number + 1, axis, 2] * z
             result[row, axis] = before + share * (after - before)
+            if not back:
+                result[row, axis] += elapsed_s * velocity[axis]
     return result

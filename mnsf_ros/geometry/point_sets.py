@@ -48,7 +48,7 @@ def bounds(xyz: NDArray[np.float32]) -> tuple[np.float32, np.float32, np.float32
 
 
 def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
-    """Returns the mean of the points (N, 3) in each cell, (M, 3).
+    """Returns the mean of the points (N, 3) in each cell, (M, 3); also of a fourth column.
 
     Their order is by height, then from right to left and from back to front: each n-th of them is
     spread as evenly as all are.
@@ -75,6 +75,8 @@ def _means_of_cells(
     cells = np.full(size, -1, np.int32)
     # Of x, y, z and 1.
     sums, own_keys = np.empty((len(xyz), 4)), np.empty(len(xyz), np.int64)
+    has_fourth = xyz.shape[1] > 3
+    fourth = np.zeros(len(xyz) if has_fourth else 0)
     number = 0
     for row in range(len(xyz)):
         x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
@@ -94,8 +96,12 @@ def _means_of_cells(
         sums[cell, 1] += y
         sums[cell, 2] += z
         sums[cell, 3] += 1.0
-    means = np.empty((number, 3), np.float32)
+        if has_fourth:
+            fourth[cell] += xyz[row, 3]
+    means = np.empty((number, xyz.shape[1]), np.float32)
     for cell in range(number):
         for axis in range(3):
             means[cell, axis] = sums[cell, axis] / sums[cell, 3]
+        if has_fourth:
+            means[cell, 3] = fourth[cell] / sums[cell, 3]
     return means, own_keys[:number]

@@ -78,24 +78,16 @@ def flow_of(scene: Scene, over_ground: OverGround) -> NDArray[np.float32]:
     dynamic_rows = np.flatnonzero(over_ground.dynamic)
     object_motion = over_ground.motion[dynamic_rows]
     during_sweep, during_next = current.pose.motion, next_.pose.motion
-    if (
-        times_s is not None
-        and during_sweep
-        and during_next
-        and during_sweep.turns
-        and during_next.turns
-    ):
-        # Each sweep has rotations of its own.
+    if times_s is None or during_sweep is None or during_next is None:
+        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
+        flow = transformed(xyz, next_from_current - np.diag((1.0, 1.0, 1.0, 0.0)))
+        flow[dynamic_rows] += turned(object_motion, next_from_current[:3, :3])
+    else:
+        # Each sweep has a motion of its own.
         there = transformed(current.xyz, next_from_current)
         flow = during_next.moved_back(there, times_s) - xyz
         moved_on = turned(object_motion, next_from_current[:3, :3])
         flow[dynamic_rows] += during_next.turned_back(moved_on, times_s[dynamic_rows])
-    else:
-        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-        flow = transformed(xyz, next_from_current - np.diag((1.0, 1.0, 1.0, 0.0)))
-        if during_sweep is not None and times_s is not None:
-            object_motion = during_sweep.turned_back(object_motion, times_s[dynamic_rows])
-        flow[dynamic_rows] += turned(object_motion, next_from_current[:3, :3])
     flow[current.own] = 0.0
     return flow
 

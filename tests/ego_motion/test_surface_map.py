@@ -24,13 +24,17 @@ def points_of(normals, number=400, seed=0):
 def map_of(*sweeps, cell_m=1.0, num_sweeps=30):
     surfaces = SurfaceMap(cell_m, num_sweeps)
     for points in sweeps:
-        surfaces.add(points, np.eye(4))
+        surfaces.add(Cloud.at_once(points), np.eye(4)[None])
     return surfaces
+
+
+def compared(surfaces, points, sensor, noise_m=NOISE_M):
+    return surfaces.compared(Cloud.at_once(points), sensor[None], noise_m)
 
 
 def squared_m2(surfaces, place):
     """Of one place, by how much it pulls: the curvature by a shift is the matrix of weights."""
-    there = surfaces.compared(np.array([place], np.float32), np.eye(4), 100.0)
+    there = compared(surfaces, np.array([place], np.float32), np.eye(4), 100.0)
     return there.curvature[:3, :3]
 
 
@@ -65,7 +69,7 @@ class TestComparison:
     def test_is_what_one_equation_for_each_point_gives(self):
         points = points_of((0.03, 0.12, 0.2), 50)
         surfaces, sensor = map_of(points), pose(-0.02, 0.03, 0.01, yaw_deg=3)
-        there = surfaces.compared(points, sensor, 1e4)
+        there = compared(surfaces, points, sensor, 1e4)
         weights = squared_m2(surfaces, (0, 0, 0))
         center = points.mean(axis=0, dtype=np.float64)
         moved = points @ sensor[:3, :3].T + sensor[:3, 3]
@@ -84,7 +88,7 @@ class TestComparison:
         surfaces = map_of(points)
 
         def at(x, y):
-            return surfaces.compared(points, pose(x, y), NOISE_M)
+            return compared(surfaces, points, pose(x, y))
 
         found = at(0.01, 0.04).gradient[:2]
         along = at(0.01 + step_m, 0.04).support - at(0.01 - step_m, 0.04).support
@@ -94,8 +98,7 @@ class TestComparison:
 
     def test_a_point_off_by_the_noise_counts_half(self):
         wall = points_of((0.2, 0.001, 0.2), 50)
-        surfaces = map_of(wall)
-        there = surfaces.compared(wall, pose(0, NOISE_M), NOISE_M)
+        there = compared(map_of(wall), wall, pose(0, NOISE_M))
         assert there.support == pytest.approx(25, rel=0.1)
         assert there.num_known == 50
 
@@ -106,8 +109,8 @@ class TestForgetting:
         short = map_of(old, *[new] * 19, num_sweeps=5)
         long = map_of(old, *[new] * 19, num_sweeps=30)
         for surfaces, number in ((short, 0), (long, 400)):
-            assert surfaces.compared(old, np.eye(4), NOISE_M).num_known == number
-            assert surfaces.compared(new, np.eye(4), NOISE_M).num_known == 400
+            assert compared(surfaces, old, np.eye(4)).num_known == number
+            assert compared(surfaces, new, np.eye(4)).num_known == 400
 
 
 class TestCloud:

@@ -66,6 +66,9 @@ def test_each_point_is_where_it_was_at_the_stamp(scene):
         rows = np.flatnonzero(known.dynamic & (scene.bodies == number))
         if number == 0 or len(rows) < LEAST_POINTS:
             continue
+        # A part may be a track of its own, with another motion.
+        tracks = known.track_ids[rows]
+        rows = rows[tracks == np.bincount(tracks).argmax()]
         rows = rows[:: 1 + len(rows) // MOST_POINTS]
         true = scene.true_places(number, rows)
         before, after = (scene.in_body(number, xyz[rows]) for xyz in (sweep.xyz, moved))
@@ -82,7 +85,7 @@ def test_each_point_is_where_it_was_at_the_stamp(scene):
     assert at_stamp < measured / 4
     assert at_stamp < 0.025
     assert next_stamp < 0.05
-    assert abs(distorted_m - width_m) > 0.15
+    assert abs(distorted_m - width_m) > 0.1
     assert abs(undistorted_m - width_m) < 0.04
 
 
