@@ -1,17 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The result of an estimate: flow, motion over ground, objects, timings and reasons."""
+"""The result of an estimate: flow, motion over ground, objects and timings."""
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.errors import CancelledError
+from mnsf_ros.core.reason import Reason
 from mnsf_ros.sweeps.sweep import Start
 
 
@@ -133,114 +130,6 @@ class Effort(IntEnum):
         )[self]
 
 
-class Verdict(Enum):
-    """Outcome for an object: the stage that decided."""
-
-    OPEN = "not decided yet"
-    GROUND = "ground"
-    TOO_HIGH = "too high above the ground"
-    OUTSIDE_CROP = "outside the crop"
-    NO_OBJECT = "seen a second time in the same revolution"
-    OWN_BODY = "the robot's own body"
-    TOO_FEW_POINTS = "too few points"
-    TOO_LARGE = "too large"
-    NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"
-    LEFT_OUT = "left out: beyond objects.max_suspects (tracked movers first, then the nearest)"
-    NO_BETTER_MOTION = "no motion explains it better"
-    REFUSED = "refused by the gate"
-    PARTLY = "a part of it moves alone"
-    DYNAMIC = "dynamic"
-
-
-class PointState(IntEnum):
-    """What another sweep says about one point of an object."""
-
-    UNCLEAR = 0  # a surface near by, or no return in its direction
-    HIT = 1  # a return at its place
-    FREE = 2  # seen through
-    HIDDEN = 3  # behind something, or out of view
-
-    @property
-    def text(self) -> str:
-        """Its name in tables and pictures."""
-        return "passed through" if self is PointState.FREE else self.name.lower()
-
-
-@dataclass(frozen=True, eq=False)
-class Match:
-    """An object compared with another sweep, if it is static or if it moves.
-
-    Attributes:
-        positions: (P, 3) float32, metres, where its points are by then, axes of the current sweep.
-        states: (P,) uint8, the `PointState` of each.
-        residual_m: Mean distance from the other sweep beyond the spacing of its points.
-    """
-
-    positions: NDArray[np.float32]
-    states: NDArray[np.uint8]
-    residual_m: float
-
-    def share(self, state: PointState) -> float:
-        """Share of the points in a state."""
-        return float(np.mean(self.states == state))
-
-
-@dataclass(frozen=True, eq=False)
-class SweepTerms:
-    """What another sweep says about an object.
-
-    Attributes:
-        age_s: Time from the current sweep to the other one; negative before.
-        points: (Q, 3) float32, metres, points of the other sweep around the object, axes of the
-            current sweep, ego motion removed.
-        static: The object where it is.
-        moving: The object with its motion; None if no motion was fitted.
-    """
-
-    age_s: float
-    points: NDArray[np.float32]
-    static: Match
-    moving: Match | None
-
-
-class Leader(NamedTuple):
-    """The object that another one goes along with, because they touch and move alike.
-
-    Attributes:
-        place: (3,) metres, the middle of its points, sensor frame.
-        probability: How likely it moves.
-    """
-
-    place: NDArray[np.float32]
-    probability: float
-
-
-@dataclass(frozen=True, eq=False)
-class Reason:
-    """Why an object was called dynamic or not.
-
-    Attributes:
-        verdict: The outcome.
-        num_points: Its points after thinning.
-        size_m: The longer horizontal side of the box around it.
-        sweeps: What each other sweep says, the next one first; empty for what has no motion: too
-            few points, or too large.
-        start: (3,) metres over ground until the next sweep, where the fit of its motion started.
-        motion: (3,) metres, likewise, the fitted motion; None if none was searched.
-        evidence: Name of further evidence to its value.
-        leader: What a dynamic object goes along with that is not dynamic by its own evidence.
-    """
-
-    verdict: Verdict
-    num_points: int = 0
-    size_m: float = 0.0
-    sweeps: Sequence[SweepTerms] = ()
-    start: NDArray[np.float64] | None = None
-    motion: NDArray[np.float64] | None = None
-    evidence: Mapping[str, float] = field(default_factory=dict)
-    leader: Leader | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class FlowEstimate:
     """The flow of the current sweep of a triplet.
@@ -308,42 +197,3 @@ class FlowEstimate:
     def stop_reasons(self) -> dict[str, str]:
         """Stage to the reason why its optimization ended."""
         return {stage: fit.stop_reason.value for stage, fit in self.fits.items()}
-
-
-def check_cancelled(cancelled: Callable[[], bool]) -> None:
-    """Ends an estimate if its caller asked for it.
-
-    Raises:
-        CancelledError: If `cancelled` returns True.
-    """
-    if cancelled():
-        raise CancelledError("the estimate was cancelled")
-
-
-@dataclass
-class StageClock:
-    """Measures the stages of an estimate, and ends it before one if the caller asked for it.
-
-    Attributes:
-        cancelled: Asked before each stage.
-        finish: Called at the end of each stage, to wait for a GPU.
-        times_ms: Stage to wall time.
-    """
-
-    cancelled: Callable[[], bool] = lambda: False
-    finish: Callable[[], None] = lambda: None
-    times_ms: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Adds the time of the block to the stage's time.
-
-        Raises:
-            CancelledError: If `cancelled` returns True.
-        """
-        check_cancelled(self.cancelled)
-        start = time.perf_counter()
-        yield
-        self.finish()
-        elapsed_ms = (time.perf_counter() - start) * 1e3
-        self.times_ms[name] = self.times_ms.get(name, 0.0) + elapsed_ms

@@ -7,14 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import (
-    FlowEstimate,
-    Match,
-    PointState,
-    Reason,
-    TrackedObject,
-    Verdict,
-)
+from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
+from mnsf_ros.core.reason import Match, PointState, Reason, Verdict
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 

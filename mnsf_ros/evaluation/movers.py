@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import OverGround, Reason, TrackedObject, Verdict
+from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
+from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 

@@ -17,8 +17,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import DatasetError, MethodError, SettingsError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import fit_mask

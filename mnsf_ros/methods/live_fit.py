@@ -13,7 +13,8 @@ import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, on_device
-from mnsf_ros.core.flow_estimate import OptimizationResult, StageClock
+from mnsf_ros.core.flow_estimate import OptimizationResult
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.networks.optimization import Schedule
 from mnsf_ros.networks.target_distance import TargetDistance

@@ -20,8 +20,9 @@ from mnsf_ros.core.compute_device import (
     on_device,
     one_thread,
 )
-from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, OptimizationResult, StageClock
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, OptimizationResult
 from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods.live_fit import LiveFit
 from mnsf_ros.networks.target_distance import TargetDistance

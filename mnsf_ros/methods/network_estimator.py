@@ -15,8 +15,9 @@ import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.networks.workbench import PreparedSweep, Workbench

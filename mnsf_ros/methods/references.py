@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.ego_motion.ego_motion import SensorPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow

@@ -17,7 +17,8 @@ import torch
 from torch import nn
 from torch.optim.adam import adam
 
-from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason, check_cancelled
+from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
+from mnsf_ros.core.stage_clock import check_cancelled
 from mnsf_ros.errors import OptimizationError
 
 # Steps until the host asks whether the network has converged.

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, layer_precision, on_device
-from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult
 from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.networks.networks import Perceptron, evaluate, fusion_network
 from mnsf_ros.networks.optimization import LossOf, Schedule, minimize

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
 from mnsf_ros.online.motions import JudgedMotions, best_of, fit_motion_field
 from mnsf_ros.online.object_points import ObjectPoints

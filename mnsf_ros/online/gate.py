@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.motions import JudgedMotions, are_same, judge, residual_rise_m

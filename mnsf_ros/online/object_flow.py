@@ -9,8 +9,10 @@ from typing import TypeVar
 import numpy as np
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import Effort, FlowEstimate, StageClock, Verdict
+from mnsf_ros.core.flow_estimate import Effort, FlowEstimate
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.first_guess import with_first_guesses
 from mnsf_ros.online.gate import with_verdicts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from mnsf_ros.core.flow_estimate import Leader, Match, PointState, Reason, SweepTerms, Verdict
+from mnsf_ros.core.reason import Leader, Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_points import ObjectPoints

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_points import NOISE_M
 from mnsf_ros.online.table import ObjectTable

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.motions import JudgedMotions, TrackPrior
 from mnsf_ros.online.object_points import ObjectPoints, Rows
 from mnsf_ros.online.target import Targets

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.motions import TrackPrior

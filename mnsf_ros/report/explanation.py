@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Match, PointState, Reason, SweepTerms, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.reason import Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector_text
 from mnsf_ros.drawing.charts import Panel, match_picture
 from mnsf_ros.errors import EvaluationError

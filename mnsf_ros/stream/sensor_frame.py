@@ -8,7 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Match, OverGround, Reason, TrackedObject
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.core.reason import Match, Reason
 from mnsf_ros.ego_motion.covariance import chained_covariance
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.geometry.transforms import apply, turned_yaw

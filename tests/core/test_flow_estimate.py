@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from mnsf_ros.core import flow_estimate
-from mnsf_ros.core.flow_estimate import StageClock
+from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import CancelledError
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Reason, TrackedObject, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.run_folder import from_json, to_json
 from mnsf_ros.evaluation.scoring import ResultRow, scored_row

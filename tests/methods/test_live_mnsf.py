@@ -13,7 +13,7 @@ import pytest
 import torch
 from box_street import BoxStreet, pose, stamp_ns, triplets_of
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow

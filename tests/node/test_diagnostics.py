@@ -8,12 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from synthetic_clouds import over_ground
 
-from mnsf_ros.core.flow_estimate import (
-    FlowEstimate,
-    OptimizationResult,
-    Start,
-    StopReason,
-)
+from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, Start, StopReason
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.node import diagnostics
 from mnsf_ros.node.diagnostics import Diagnostics, InputState

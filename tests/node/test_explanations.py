@@ -11,7 +11,8 @@ from moving_boxes import surfaces
 from node_harness import Spinner, stamp_of
 from synthetic_clouds import over_ground, tracked, xyz_message
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Leader, Match, Reason, SweepTerms, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.reason import Leader, Match, Reason, SweepTerms, Verdict
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bent_sweeps import Turning
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, box_points, pose, stamp_ns, triplets_of
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import boxes_around

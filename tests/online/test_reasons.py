@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, pose
 
-from mnsf_ros.core.flow_estimate import PointState, Verdict
+from mnsf_ros.core.reason import PointState, Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet

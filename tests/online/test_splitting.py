@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, surface, target
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.online.splitting import rejoined, split
 from mnsf_ros.settings import Settings

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_scenes import moved_by, rows, surface, table_of
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.gate import mover_groups
 from mnsf_ros.online.object_points import ObjectPoints
 from mnsf_ros.online.tracker import Measurements, Tracker

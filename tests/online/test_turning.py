@@ -7,7 +7,7 @@ from box_street import CAR, BoxStreet, box_points, pose, stamp_ns
 from small_scenes import SETTINGS as SMALL
 from small_scenes import moved_by, objects_of, prepared, surface, table_of, target
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.online.motions import TrackPrior
 from mnsf_ros.online.object_flow import ObjectFlowEstimator

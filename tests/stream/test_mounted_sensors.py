@@ -8,7 +8,7 @@ import pytest
 from box_street import BoxStreet, pose
 from scipy.spatial.transform import Rotation
 
-from mnsf_ros.core.flow_estimate import Verdict
+from mnsf_ros.core.reason import Verdict
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Sweep
