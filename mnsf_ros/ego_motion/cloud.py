@@ -34,12 +34,14 @@ class Cloud:
         parts: (N,) int32, the part of the sweep that each point belongs to.
         part_times_s: (K,) seconds from the moment that points are corrected to, to each part; a
             single zero if the sweep counts as taken in one moment.
+        beam_axis: (3,) that of the sweep.
     """
 
     points: NDArray[np.float32]
     num_standing: int
     parts: NDArray[np.int32]
     part_times_s: NDArray[np.float64]
+    beam_axis: NDArray[np.float64]
 
     @classmethod
     def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> "Cloud":
@@ -57,12 +59,12 @@ class Cloud:
         standing = thinned(sorted_[:number], settings.thinning_m)
         low = thinned(sorted_[number:], _LOW_CELLS * settings.thinning_m)
         columns = np.concatenate([standing, low])
-        return cls(np.ascontiguousarray(columns[:, :3]), len(standing), *_parts(columns[:, 3:]))
+        parts, axis = _parts(columns[:, 3:]), sweep.beam_axis
+        return cls(np.ascontiguousarray(columns[:, :3]), len(standing), *parts, axis)
 
-    @classmethod
-    def at_once(cls, points: NDArray[np.float32]) -> "Cloud":
-        """Returns the cloud of points (N, 3), metres, measured in one moment."""
-        return cls(points, len(points), *_parts(points[:, 3:]))
+    def at_once(self, points: NDArray[np.float32]) -> "Cloud":
+        """Returns a cloud of points (N, 3) of this one, as if measured in one moment."""
+        return Cloud(points, len(points), *_parts(points[:, 3:]), self.beam_axis)
 
     def poses(
         self, pose: NDArray[np.float64], velocity: NDArray[np.float64]
@@ -85,7 +87,7 @@ class Cloud:
     @property
     def upper(self) -> "Cloud":
         """The points that are not near the ground, as if measured in one moment."""
-        return Cloud.at_once(self.points[: self.num_standing])
+        return self.at_once(self.points[: self.num_standing])
 
     def __len__(self) -> int:
         return len(self.points)

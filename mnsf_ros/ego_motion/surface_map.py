@@ -92,7 +92,7 @@ class SurfaceMap:
         self._seen[cells] = self._num_added
         where = (cells, self._indices, self._cell_m, self._moments, self._num_new)
         add_moments(moved, *where)
-        sensor = np.stack([middle[:3, 3] - self._origin, middle[:3, 2]])
+        sensor = np.stack([middle[:3, 3] - self._origin, middle[:3, :3] @ cloud.beam_axis])
         fit_surfaces(*where, sensor, self._surfaces)
 
     def compared(self, cloud: Cloud, poses: NDArray[np.float64], noise_m: float) -> Comparison:

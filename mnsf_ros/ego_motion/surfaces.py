@@ -91,7 +91,7 @@ def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
 def _find_unseen(
     spread: NDArray[np.float64],
     ray: NDArray[np.float64],
-    up: NDArray[np.float64],
+    beam_axis: NDArray[np.float64],
     unseen: NDArray[np.float64],
 ) -> None:
     """Direction of the elevation of lasers; its squared length is the share that is unknown.
@@ -101,11 +101,11 @@ def _find_unseen(
     """
     climb, squared = 0.0, 0.0
     for axis in range(3):
-        climb += ray[axis] * up[axis]
+        climb += ray[axis] * beam_axis[axis]
         squared += ray[axis] * ray[axis]
     length, seen = 0.0, 0.0
     for axis in range(3):
-        unseen[axis] = squared * up[axis] - climb * ray[axis]
+        unseen[axis] = squared * beam_axis[axis] - climb * ray[axis]
         length += unseen[axis] * unseen[axis]
     if length == 0.0:
         return
@@ -160,7 +160,7 @@ def fit_surfaces(
 ) -> None:
     """Fits the surfaces (C, 4, 3) of cells with enough points and enough new ones.
 
-    The rows of `sensor` are its place and its z axis. The other arguments are those of
+    The rows of `sensor` are its place and the axis of its beams. The other arguments are those of
     `add_moments`.
     """
     spread, axes, weights = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)

@@ -142,7 +142,7 @@ class SweepMatcher:
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
         stride = max(1, cloud.num_standing // _SEARCH_POINTS)
-        some = Cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
+        some = cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
         starts = [self._last_pose]
         for angles_deg, shifts_m in _SEARCHED:
             places = [

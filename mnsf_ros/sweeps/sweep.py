@@ -2,7 +2,7 @@
 """A sweep, the triplet of one estimate, and where an estimate starts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -36,6 +36,7 @@ class Sweep:
         mounting: How the sensor is mounted; None if unknown, or level.
         turn_rates: (K, 4) float64, turn rates by an IMU in the order of time, from before the sweep
             to its end: seconds from the stamp, then rad/s about x, y and z. None without an IMU.
+        beam_axis: (3,) unit vector, the axis that the beams turn about.
     """
 
     xyz: NDArray[np.float32]
@@ -47,6 +48,7 @@ class Sweep:
     times_s: NDArray[np.float32] | None = None
     mounting: Mounting | None = None
     turn_rates: NDArray[np.float64] | None = None
+    beam_axis: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     def __post_init__(self) -> None:
         """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
@@ -97,6 +99,7 @@ class Sweep:
             xyz=transformed(self.xyz, mounting.level_from_sensor),
             odometry=None if odometry is None else odometry @ mounting.sensor_from_level,
             mounting=None,
+            beam_axis=mounting.level_from_sensor[:3, :3] @ self.beam_axis,
         )
         return levelled.turning(self.turn_rates, mounting.level_from_sensor)
 

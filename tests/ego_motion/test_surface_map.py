@@ -21,15 +21,20 @@ def points_of(normals, number=400, seed=0):
     return np.clip(spread, -0.45, 0.45).astype(np.float32)
 
 
-def map_of(*sweeps, cell_m=1.0, num_sweeps=30):
+def cloud_of(points, beam_axis=(0.0, 0.0, 1.0)):
+    parts = np.zeros(len(points), np.int32), np.zeros(1)
+    return Cloud(points, len(points), *parts, np.array(beam_axis))
+
+
+def map_of(*sweeps, cell_m=1.0, num_sweeps=30, **axis):
     surfaces = SurfaceMap(cell_m, num_sweeps)
     for points in sweeps:
-        surfaces.add(Cloud.at_once(points), np.eye(4)[None])
+        surfaces.add(cloud_of(points, **axis), np.eye(4)[None])
     return surfaces
 
 
 def compared(surfaces, points, sensor, noise_m=NOISE_M):
-    return surfaces.compared(Cloud.at_once(points), sensor[None], noise_m)
+    return surfaces.compared(cloud_of(points), sensor[None], noise_m)
 
 
 def squared_m2(surfaces, place):
@@ -63,6 +68,23 @@ class TestSurfaces:
         ring = np.stack([*(radii * (np.cos(angles), np.sin(angles))).reshape(2, -1), ground], 1)
         pull = squared_m2(map_of(ring.astype(np.float32)), (4.0, 0.0, -1.8))[2, 2]
         assert (pull > 0.5) if is_held else (pull < 0.3)
+
+    def test_of_one_laser_of_a_tilted_lidar_do_not_hold_the_direction_of_its_elevation(self):
+        """A level frame of a lidar that looks down by 40 degrees; its ring on the ground beside."""
+        level_from_lidar = Rotation.from_euler("y", 40, degrees=True)
+        azimuths, elevation = np.radians(np.linspace(85, 95, 40)), np.radians(-20)
+        flat = np.cos(elevation) * np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
+        rays = level_from_lidar.apply(np.insert(flat, 2, np.sin(elevation), axis=1))
+        ring = (-1.8 * rays / rays[:, 2:]).astype(np.float32)
+        axis = level_from_lidar.apply([0.0, 0.0, 1.0])
+        ray = ring.mean(axis=0)
+        across = np.cross(ray, np.cross(axis, ray))
+        across /= np.linalg.norm(across)
+        pulls = [
+            across @ squared_m2(map_of(ring, beam_axis=each), ray) @ across
+            for each in (axis, np.array([0.0, 0.0, 1.0]))
+        ]
+        assert pulls[0] < 0.3 < 0.4 < pulls[1]
 
 
 class TestComparison:
