@@ -109,7 +109,7 @@ def _distance_ms(kind: str, target: Sweep, positions: torch.Tensor) -> list[floa
     settings = preset("paper").changed({f"distance.{key}": changes[key] for key in changes})
     masks = crop_mask(target.xyz, settings.crop), fit_mask(target, settings)
     points = [torch.from_numpy(target.xyz[mask]).to(positions.device) for mask in masks]
-    builds = [partial(TargetDistance.to_points, each, settings.distance) for each in points]
+    builds = [partial(TargetDistance, each, settings.distance) for each in points]
     distance = builds[1]()
 
     def look_up(count: int) -> None:

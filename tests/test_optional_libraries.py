@@ -114,7 +114,7 @@ def test_arguments_are_checked_before_libraries_that_take_long_are_loaded():
 @pytest.mark.parametrize(
     ("names", "module", "arguments", "words"),
     [
-        ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "{tmp}"), "torch"),
+        ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "{street}"), "make complete"),
         ("numpy", "mnsf_ros.cli.__main__", ("simulate", "{tmp}/street"), "colcon build"),
         ("numpy", "mnsf_ros.node.__main__", (), "numpy"),
         (
@@ -125,8 +125,9 @@ def test_arguments_are_checked_before_libraries_that_take_long_are_loaded():
         ),
     ],
 )
-def test_a_missing_library_is_one_line(tmp_path, names, module, arguments, words):
-    process = started(names, module, *(word.replace("{tmp}", str(tmp_path)) for word in arguments))
+def test_a_missing_library_is_one_line(tmp_path, make_street, names, module, arguments, words):
+    paths = {"tmp": tmp_path, "street": make_street() if "{street}" in arguments else None}
+    process = started(names, module, *(word.format(**paths) for word in arguments))
     output, _ = process.communicate(timeout=_PATIENCE_S)
     assert process.returncode == 2
     (line,) = output.strip().splitlines()

@@ -81,11 +81,11 @@ def _recording(source: str) -> Path:
 def _examined_topic(
     topic: str, odometry: str | None, settings: Settings, duration_s: float
 ) -> "Examination":
-    console = Console(stderr=True)
-    console.say(f"{topic}: no such file or folder, so it is taken for a topic")
     from mnsf_ros.node.environment import prepare_environment
 
     prepare_environment(is_node=True)
+    console = Console(stderr=True)
+    console.say(f"{topic}: no such file or folder, so it is taken for a topic")
     from mnsf_ros.evaluation.examination import Examiner
     from mnsf_ros.node.live_sweeps import live_sweeps
 

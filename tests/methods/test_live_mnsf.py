@@ -403,14 +403,13 @@ class TestHostileSweeps:
 
 @pytest.mark.parametrize("has_stamps", [True, False])
 def test_distances_to_sweeps_are_built_once_and_forgotten(monkeypatch, has_stamps):
-    alive, build = [], TargetDistance.to_points.__func__
+    alive, build = [], TargetDistance.__init__
 
-    def counted(cls, points, settings):
-        distance = build(cls, points, settings)
-        alive.append(weakref.ref(distance))
-        return distance
+    def counted(self, *arguments):
+        build(self, *arguments)
+        alive.append(weakref.ref(self))
 
-    monkeypatch.setattr(TargetDistance, "to_points", classmethod(counted))
+    monkeypatch.setattr(TargetDistance, "__init__", counted)
     estimator = estimator_of(**{"live.first_iterations": 1, "optimization.max_iterations": 1})
     sweeps = [sweep(index) for index in range(22)]
     if not has_stamps:

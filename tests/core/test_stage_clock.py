@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Times, and results shown in one line."""
+"""Times of stages."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from mnsf_ros.core import flow_estimate
+from mnsf_ros.core import stage_clock
 from mnsf_ros.core.stage_clock import StageClock
 from mnsf_ros.errors import CancelledError
 
@@ -22,7 +22,7 @@ def test_clock_ends_a_cancelled_estimate_before_the_next_stage():
 
 def test_clock_adds_up_the_blocks_of_a_stage(monkeypatch):
     now_s = [0.0]
-    monkeypatch.setattr(flow_estimate, "time", SimpleNamespace(perf_counter=lambda: now_s[0]))
+    monkeypatch.setattr(stage_clock, "time", SimpleNamespace(perf_counter=lambda: now_s[0]))
     clock = StageClock()
     for duration_s in (1.0, 0.25):
         with clock.stage("forward"):
