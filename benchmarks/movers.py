@@ -235,8 +235,11 @@ def _ratio_targets(scores: Mapping[str, Sequence[WorldScore]]) -> Iterator[Targe
 
 
 def _spreads(scores: Sequence[WorldScore], names: Iterable[str]) -> list[str]:
-    spreads = (spread(scores, name) for name in names)
-    return ["" if math.isnan(median) else f"{median:.3f}/{worst:.3f}" for median, worst in spreads]
+    return [_spread_text(*spread(scores, name), 0 if name == "cost" else 3) for name in names]
+
+
+def _spread_text(median: float, worst: float, decimals: int) -> str:
+    return "" if math.isnan(median) else f"{median:.{decimals}f}/{worst:.{decimals}f}"
 
 
 def _stops(scores: Sequence[WorldScore]) -> str:
