@@ -295,7 +295,9 @@ find("#keys").onclick = () => find("#keys").close();
 showValues(find("#keys dl"), { ...Object.fromEntries(Object.entries(KEYS).map(([key, [text]]) =>
   [NAMES[key] ?? key, text])), ...MOUSE });
 followSystem(() => { overlay.readTheme(); status.draw(); draw(); });
-new ResizeObserver(draw).observe(canvas);
+// Labels keep clear of the words above and below, whose sizes change.
+const resized = new ResizeObserver(draw);
+for (const one of [canvas, ...document.querySelectorAll("header, nav, #words")]) resized.observe(one);
 // Without the token, which a picture of the page would give away.
 find("#address").textContent = location.origin;
 connect();
