@@ -25,6 +25,11 @@ class StepNoise:
     turn_share: float  # additional radians per radian turned
 
 
+def six_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the (6, 6) rotation of two vectors by a rotation (3, 3)."""
+    return np.asarray(np.kron(np.eye(2), turn), np.float64)
+
+
 def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
     """Returns the covariance of a step last_from_sensor (4, 4), in the axes of `last`."""
     way_m = float(np.linalg.norm(motion[:3, 3]))
@@ -48,6 +53,6 @@ def chained_covariance(
     x, y, z = turn @ motion[:3, 3]
     carried = np.eye(6)
     carried[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    axes = np.kron(np.eye(2), turn)
+    axes = six_axes(turn)
     result: NDArray[np.float64] = carried @ covariance @ carried.T + axes @ step @ axes.T
     return (result + result.T) / 2

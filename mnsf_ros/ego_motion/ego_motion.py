@@ -15,6 +15,7 @@ from mnsf_ros.ego_motion.covariance import (
     UNKNOWN_COVARIANCE,
     StepNoise,
     chained_covariance,
+    six_axes,
     step_covariance,
 )
 from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
@@ -195,7 +196,7 @@ class EgoMotion:
             if source is EgoSource.REGISTRATION and expected is not None:
                 fused = _fused(known, expected.covariance)
             self._last_covariance = fused + was_guessed * self._last_pose.step_covariance
-        axes = np.kron(np.eye(2), before[:3, :3])
+        axes = six_axes(before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
         return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep))
@@ -269,7 +270,7 @@ class EgoMotion:
                 return None
             found, during = match, None
             if bending is not None:
-                axes = np.kron(np.eye(2), found.pose[:3, :3])
+                axes = six_axes(found.pose[:3, :3])
                 during = replace(bending, velocity=bending.velocity + axes.T @ found.velocity)
             motion = np.linalg.inv(world_from_last) @ found.pose
             refined = self._bent_by(sweep, motion, interval_ns)
@@ -278,7 +279,7 @@ class EgoMotion:
             if bending is None:
                 # The map has the last sweep uncorrected, because its motion was unknown.
                 map_ = self._map_of(last, world_from_last, refined)
-            expected, bending = expected or Placed(found.pose, np.eye(6)), refined
+            expected, bending = expected or Placed(found.pose), refined
         if refined is None:
             refined = self._bending
         elif bending is not None:
@@ -316,14 +317,14 @@ class EgoMotion:
         if self._bending is None:
             return KNOWN_VELOCITY
         variance = self._bending.variance * ([1.0] * 3 + [self._turns is None] * 3)
-        axes = np.kron(np.eye(2), pose[:3, :3])
+        axes = six_axes(pose[:3, :3])
         return np.asarray(KNOWN_VELOCITY + axes @ np.diag(variance) @ axes.T, np.float64)
 
     def _map_of(
         self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None
     ) -> SweepMatcher:
         matcher = SweepMatcher(self._settings)
-        matcher.add(matcher.prepared(sweep, motion), Placed(pose, np.eye(6)))
+        matcher.add(matcher.prepared(sweep, motion), Placed(pose))
         return matcher
 
 

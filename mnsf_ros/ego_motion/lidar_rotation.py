@@ -125,7 +125,7 @@ class LidarRotation:
         shares = []
         for before, cloud in zip(self._views[0].clouds, view.clouds, strict=True):
             matcher = SweepMatcher(near)
-            matcher.add(before, Placed(self._views[0].world_from_sensor, np.eye(6)))
+            matcher.add(before, Placed(self._views[0].world_from_sensor))
             shares.append(matcher.share_matched(cloud, pose))
         turning, *others = shares
         if turning > 0 and max(others) > 0:

@@ -57,14 +57,15 @@ class Placed:
 
     Attributes:
         pose: (4, 4) world_from_sensor.
-        covariance: (6, 6) in the axes of the world: metres, then radians.
+        covariance: (6, 6) in the axes of the world: metres, then radians; by default that
+            of a pose that is hardly known.
         velocity: (6,) on top of the motion that points were corrected for, in the same axes and
             units per second.
         velocity_covariance: (6, 6) of it; the expected velocity is 0.
     """
 
     pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.eye(6))
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
     velocity_covariance: NDArray[np.float64] = field(default_factory=KNOWN_VELOCITY.copy)
 
@@ -118,7 +119,7 @@ class SweepMatcher:
 
     def share_matched(self, cloud: Cloud, expected: NDArray[np.float64]) -> float:
         """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
-        start = Placed(expected, np.eye(6))
+        start = Placed(expected)
         _, there = self._aligned(cloud, start, start)
         return there.support / max(len(cloud), 1)
 
@@ -134,7 +135,7 @@ class SweepMatcher:
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if the map does not know the place."""
-        starts = [Placed(start, np.eye(6)) for start in self._starts(cloud)]
+        starts = [Placed(start) for start in self._starts(cloud)]
         wide = [self._aligned(cloud, start, start, _WIDE_M)[0] for start in starts]
         settled = [self._aligned(cloud, each, each) for each in wide]
         return _known(cloud, *max(settled, key=lambda found: _likelihood(found[1])))

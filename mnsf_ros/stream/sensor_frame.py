@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.core.reason import Match, Reason
-from mnsf_ros.ego_motion.covariance import chained_covariance
+from mnsf_ros.ego_motion.covariance import chained_covariance, six_axes
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.geometry.transforms import apply, turned_yaw
 from mnsf_ros.sweeps.mounting import Mounting
@@ -92,7 +92,7 @@ def _reason(reason: Reason, back: NDArray[np.float64]) -> Reason:
 
 def _turned_axes(covariance: NDArray[np.float64], back: NDArray[np.float64]) -> NDArray[np.float64]:
     """A covariance (6, 6) of two vectors, in the turned axes."""
-    axes = np.kron(np.eye(2), back[:3, :3])
+    axes = six_axes(back[:3, :3])
     return np.asarray(axes @ covariance @ axes.T)
 
 
