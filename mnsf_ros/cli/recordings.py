@@ -115,7 +115,7 @@ def run_play(options: argparse.Namespace) -> int:
     from mnsf_ros.node.play import play
 
     console = Console(stderr=True)
-    topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
+    topics = tuple(map(str.strip, options.topics.split(","))) if options.topics is not None else ()
     with open_recording(options.bag, console.warn) as reader:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)
