@@ -33,6 +33,7 @@ def only_line(capsys):
         (["view", "--node=bad name"], "argument --node: got 'bad name', expected a name of"),
         (["view", "--rate=2"], "--rate is for recordings, but the node is shown"),
         (["view", ".", "--node=/front"], "--node is for the node, but . is shown"),
+        (["convert", "kitti", ".", "x", "--box-margin=nan"], "--box-margin: got 'nan', expected 0"),
         (["play", ".", "--rate", "nan"], "expected 0.01 to 100"),
     ],
 )
