@@ -11,8 +11,8 @@
 #          single step to the oldest of the window. An object that has stood for 55 s has 0.33 m/s.
 # WHY IT MATTERS
 #          Lidars drop sweeps, and detections come late: that is what the buffer is for. The speed
-#          of a mover then depends on the rate. Pass F for the step to predict, set transition_covariance
-#          before, and give the buffer the capacity of the whole recording.
+#          of a mover then depends on the rate. Pass F for the step to predict, set
+#          transition_covariance before, and give the buffer the capacity of the whole recording.
 # SOURCE   Run below; filters/kf_filter.py (predict), fusion/async_buffer.py (_replay).
 # DATE     2026-11-28
 # Needs Python 3.11 to 3.14. About 145 MB and 20 s.
