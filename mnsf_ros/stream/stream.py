@@ -165,28 +165,23 @@ class Stream:
         An error is kept until it is the triplet's turn.
         """
         settings, content, failure = self.settings, None, None
-        # Predictions of other programs are in the frame of the sensor.
-        levelled = triplet if self.traits.is_external else triplet.levelled
         self._break = self._break_before(triplet, settings) or self._break
         self._last, self._prepared_with = triplet, settings
-        if self._break is Start.COLD_FRAME:
-            self.rotation.forget()
-        elif self._break is not None:
-            self.rotation.forget_places()
-        is_timed = settings.time.field == "auto" and settings.ego_motion.deskew
-        is_timed &= not self.traits.is_external
-        if is_timed and self.rotation.is_found:
-            levelled = levelled.changed(self.rotation.timed)
+        if self._break is not None:
+            self.rotation.begin(self._break)
+        # Predictions of other programs are in the frame of the sensor.
+        levelled = triplet if self.traits.is_external else triplet.levelled
+        levelled = self.rotation.timed(levelled, settings)
         try:
             if self._break is not None:
                 self._estimator = self._renewed(settings)
                 self._start, self._break = self._break, None
             if isinstance(self._estimator, PreparingEstimator):
                 content = self._estimator.prepare(levelled)
-                if is_timed and isinstance(content, PreparedSweeps):
-                    last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
-                    if self.rotation.learn(last, newest, settings.ego_motion):
-                        self._break = Start.COLD_TIMES
+            if isinstance(content, PreparedSweeps):
+                last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
+                if self.rotation.learn(last, newest, settings):
+                    self._break = Start.COLD_TIMES
         except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
             failure = error
         return PreparedTriplet(
