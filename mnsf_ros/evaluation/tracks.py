@@ -6,7 +6,7 @@ from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.stamped_rate import StampedRate
+from mnsf_ros.geometry.stamped_track import Item
 from mnsf_ros.geometry.transforms import sensor_mount, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import IMU_TYPE, TF_TYPE, UsedTopics
@@ -30,14 +31,6 @@ from msg_utils.stamps import decode_stamp
 
 # Messages that are looked at ahead to put them in the order of their header stamps.
 _ORDER_WINDOW: Final = 4
-
-
-class _Stamped(Protocol):
-    @property
-    def stamp_ns(self) -> int: ...
-
-
-Item = TypeVar("Item", bound=_Stamped)
 
 
 @dataclass(frozen=True, eq=False)
