@@ -39,9 +39,7 @@ _NAMES: Final = sorted(ARGOVERSE2)
 # Class of each category number: 0 is the background, 1 to 30 are the categories by alphabet.
 _CLASSES: Final = np.array([0, *(ARGOVERSE2[name] for name in _NAMES)], np.uint8)
 # Number of the most common category of each class; 0 for all other classes.
-_COMMON: Final = (
-    *("REGULAR_VEHICLE", "PEDESTRIAN", "BICYCLIST", "LARGE_VEHICLE", "BOLLARD", "ANIMAL"),
-)
+_COMMON = ("REGULAR_VEHICLE", "PEDESTRIAN", "BICYCLIST", "LARGE_VEHICLE", "BOLLARD", "ANIMAL")
 _NUMBERS: Final = np.zeros(256, np.uint8)
 _NUMBERS[[ARGOVERSE2[name] for name in _COMMON]] = [1 + _NAMES.index(name) for name in _COMMON]
 
