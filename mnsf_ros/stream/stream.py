@@ -34,25 +34,15 @@ _STARTS: Final = {
 
 @dataclass(frozen=True, eq=False)
 class PreparedTriplet:
-    """A triplet between the two halves of its estimate; never changed.
+    """A triplet between the two halves of its estimate; never changed."""
 
-    Attributes:
-        triplet: The triplet, in the frame of the sensor.
-        levelled: The same as the method gets it.
-        estimator: The one that prepared it, and estimates.
-        settings: Of the stream at that time.
-        start: Why the estimator began with an earlier triplet, or with this one.
-        content: The preparation; None if the estimator prepares nothing.
-        error: Why there is no flow for it.
-    """
-
-    triplet: SweepTriplet
-    levelled: SweepTriplet
-    estimator: SceneFlowEstimator
-    settings: Settings
-    start: Start
-    content: Any = None
-    error: BaseException | None = None
+    triplet: SweepTriplet  # in the frame of the sensor
+    levelled: SweepTriplet  # the same as the method gets it
+    estimator: SceneFlowEstimator  # the one that prepared it, and estimates
+    settings: Settings  # of the stream at that time
+    start: Start  # why the estimator began with an earlier triplet, or with this one
+    content: Any = None  # the preparation; None if the estimator prepares nothing
+    error: BaseException | None = None  # why there is no flow for it
 
     @property
     def is_prepared(self) -> bool:
