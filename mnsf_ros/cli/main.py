@@ -107,7 +107,8 @@ def run(arguments: list[str] | None = None) -> int:
             # The reader of the output has ended, such as `head`: the rest is discarded.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
-        complain(f"{error.filename}: {reason(error)}" if isinstance(error, OSError) else error)
+        file = getattr(error, "filename", None)
+        complain(error if file is None else f"{file}: {reason(error)}")
         return EXIT_USAGE
 
 

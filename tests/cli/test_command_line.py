@@ -34,6 +34,10 @@ def only_line(capsys):
         (["view", "--rate=2"], "--rate is for recordings, but the node is shown"),
         (["view", ".", "--node=/front"], "--node is for the node, but . is shown"),
         (["convert", "kitti", ".", "x", "--box-margin=nan"], "--box-margin: got 'nan', expected 0"),
+        (
+            ["explain", ".", "--stamp=1", "--at=1,2", "--picture=no/place.png"],
+            "argument --picture: got 'no/place.png', expected a file in a folder that exists",
+        ),
         (["play", ".", "--rate", "nan"], "expected 0.01 to 100"),
     ],
 )
