@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
-from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
+from mnsf_ros.sweeps.azimuth_times import AzimuthTimes, contradicted
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
@@ -34,7 +34,7 @@ class CloudSource:
     measured: NDArray[np.bool_]  # (height * width,) points of the cloud that are in the sweep
     times: PointTimes  # of these points
     is_stamped: bool = True  # whether the message has a stamp
-    num_untimed: int = 0  # points that were left out because their time is outside the sweep
+    num_untimed: int = 0  # points that were left out because their time cannot be right
     recording: str = ""  # its name
     parts: Sequence[Sweep] = ()  # each with its cloud, if several
 
@@ -76,6 +76,7 @@ class CloudReader:
 
     def __init__(self) -> None:
         self._stamps_ns: deque[int] = deque(maxlen=_NUM_STAMPS)
+        self._has_untimed = False
 
     def sweep(self, message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
         """Returns the measured points of a cloud, with a CloudSource as `source`.
@@ -96,10 +97,12 @@ class CloudReader:
             by_azimuth = AzimuthTimes(*rotation)
             times = PointTimes(by_azimuth.of(xyz, self._interval_s), f"azimuth, {by_azimuth}")
         num_untimed = 0
-        if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():
-            num_untimed = int(np.count_nonzero(~timed))
-            measured[measured] = timed
-            xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
+        if times.times_s is not None:
+            timed = ~contradicted(xyz, times.times_s, is_likely=self._has_untimed)
+            if not timed.all():
+                self._has_untimed, num_untimed = True, int(np.count_nonzero(~timed))
+                measured[measured] = timed
+                xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
         source = CloudSource(message, measured, times, own_stamp_ns != 0, num_untimed)
         return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 

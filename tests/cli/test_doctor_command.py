@@ -48,7 +48,7 @@ def test_a_street_is_described(street, capsys):
     assert "10.0 Hz" in text
     assert "no returns" not in text
     assert "x y z intensity ring" in text
-    assert "odometry         0.0" in text
+    assert "odometry         differs from registration by 0.0" in text
     assert text.endswith("Nothing wrong was found; notes: 1.\n")
     assert "examined" not in text
     _, text, _ = said(capsys, "doctor", street, "--duration-s=0.35")
