@@ -15,9 +15,6 @@ _UP: Final = "z is up"
 _LENS: Final = "the origin of the frame is the lidar"
 # Without cones around a lens near by: two lidars in a cloud, or one corrected for its motion.
 _MAX_BLUR_DEG: Final = 1.0
-# Methods take clouds as they are up to 30 degrees. Up to 5, by simulated streets, that costs
-# nothing; from 8 on a mover in ten is missed.
-_MAX_TILT_DEG: Final = 6.0
 # The lens of a lidar is higher above the ground.
 _MIN_LENS_M: Final = 0.2
 # Of a normal of the ground: 3 degrees.
@@ -58,11 +55,6 @@ class LevelFrame(Assumption):
             remedy = (
                 "Nothing needs doing; lidar_1.roll_deg and lidar_1.pitch_deg would make it exact"
             )
-            yield Finding(_UP, Severity.INFO, text, remedy)
-        elif _tilt_deg(ground[:3]) > _MAX_TILT_DEG:
-            text = f"{_tilt_text(ground[:3])}; methods take the clouds as they are"
-            text += ", and may miss up to a tenth of the movers"
-            remedy = "Mount the lidar level if you can; otherwise nothing needs doing"
             yield Finding(_UP, Severity.INFO, text, remedy)
         if found is not None and found.lens_m.any():
             text = f"the lidar is not at the origin of the frame, but at {found.place}"
