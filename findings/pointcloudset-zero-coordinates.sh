@@ -27,7 +27,7 @@ python3 -m pip --python "$dir/venv/bin/python" install --quiet --no-cache-dir --
   python-dateutil==2.9.0.post0 six==1.17.0 dask==2026.8.0 toolz==1.2.0 cloudpickle==3.1.3 \
   fsspec==2026.9.0 pyyaml==6.0.4 packaging==26.4 partd==1.4.2 locket==1.0.0 \
   importlib-metadata==8.7.0 zipp==3.23.0 rich==15.0.0 pygments==2.21.0 markdown-it-py==4.3.0 \
-  mdurl==0.1.2 lz4==4.4.5 zstandard==0.25.0 ruamel.yaml==0.19.1 typing-extensions==4.16.0
+  mdurl==0.1.2 lz4==4.4.5 zstandard==0.22.0 ruamel.yaml==0.19.1 typing-extensions==4.16.0
 "$dir/venv/bin/python" - "$dir" <<'EOF'
 import importlib.util
 import sys
