@@ -192,10 +192,7 @@ class EgoMotion:
         ):
             self._last_motion = None if interval_ns < 0 else motion
             self._last_interval_ns = interval_ns
-            fused = known
-            if source is EgoSource.REGISTRATION and expected is not None:
-                fused = _fused(known, expected.covariance)
-            self._last_covariance = fused + was_guessed * self._last_pose.step_covariance
+            self._last_covariance = known + was_guessed * self._last_pose.step_covariance
         axes = six_axes(before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
@@ -351,14 +348,6 @@ class SensorPoses:
     def motion_in(self, sweep: Sweep) -> SweepMotion | None:
         """The sensor's motion during a sweep, as far as it is known by now."""
         return self._ego_motion.motion_in(sweep)
-
-
-def _fused(known: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The covariance (6, 6) of a motion: by the map, for shifts also by the motions before."""
-    fused = known.copy()
-    both = np.linalg.inv(known[:3, :3]) + np.linalg.inv(expected[:3, :3])
-    fused[:3, :3] = np.linalg.inv(both)
-    return fused
 
 
 def _turning_by(turn: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:

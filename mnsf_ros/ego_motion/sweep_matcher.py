@@ -27,7 +27,7 @@ _MAX_STEPS: Final = 10
 # Iteration ends at steps below this share of the noise, at 30 m range.
 _LAST_STEP: Final = 0.06
 _FAR_M: Final = 30.0
-# Positions with a larger standard deviation count as unknown.
+# A place is unknown if points far from the sensor have a larger standard deviation, horizontally.
 _MAX_DEVIATION_M: Final = 0.3
 # Besides independent errors, all points share a bias of this size, from traffic or the pattern of
 # the rays. With .0002, errors in tunnels are larger than their covariance.
@@ -107,7 +107,7 @@ class SweepMatcher:
 
         The search starts from the expected pose, which is None if the motion is unknown. The
         expected pose decides in directions that the map hardly constrains. Returns None if the map
-        does not know the place, or does not constrain the position.
+        does not know the place, or if both together do not constrain position and heading.
         """
         if cloud is None or self.is_empty:
             return None
@@ -209,21 +209,26 @@ def _likelihood(there: Comparison) -> float:
 def _known(cloud: Cloud, found: Placed, there: Comparison) -> Placed | None:
     """The pose and its covariance; None if the place is unknown or the pose unconstrained."""
     covariance = _covariance(found, there)
-    is_held = np.trace(covariance[:2, :2]) < _MAX_DEVIATION_M**2
+    far_m2 = np.trace(covariance[:2, :2]) + _FAR_M**2 * covariance[5, 5]
+    is_held = far_m2 < _MAX_DEVIATION_M**2
     is_known = there.num_known >= _MIN_KNOWN * len(cloud)
     return replace(found, covariance=covariance) if is_held and is_known else None
 
 
 def _covariance(found: Placed, there: Comparison) -> NDArray[np.float64]:
-    """(6, 6) of a pose: from independent errors of the points and a bias common to all."""
+    """(6, 6) of a pose: from the expected position and the points.
+
+    Points have independent errors and a bias common to all.
+    """
     curvature = there.curvature + _least(there.curvature)
     arms = curvature.diagonal().reshape(-1, 3).sum(axis=1)
     common = (_COMMON_M * there.support) ** 2 * np.diag(np.repeat(arms / arms[0], 3))
     if there.has_velocity:
         curvature[6:, 6:] += _NOISE_M**2 * np.linalg.inv(found.velocity_covariance)
-    inverse = np.stack([solved(curvature, axis) for axis in np.eye(len(curvature))])
-    covariance = _NOISE_M**2 * inverse + inverse @ common @ inverse
-    return covariance[:6, :6]
+    errors = _NOISE_M**2 * curvature + common  # covariance of the gradient
+    information = curvature @ np.linalg.inv(errors) @ curvature
+    information[:3, :3] += found.information
+    return np.stack([solved(information, axis) for axis in np.eye(len(information))])[:6, :6]
 
 
 def _least(curvature: NDArray[np.float64]) -> NDArray[np.float64]:

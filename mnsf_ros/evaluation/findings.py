@@ -25,7 +25,7 @@ class Event(str, Enum):
         "sweeps whose times per point cannot be read; they count as taken in one moment "
         "(time.field, time.unit)"
     )
-    POINTS_UNTIMED = "points whose time is not of their sweep, left out"
+    POINTS_UNTIMED = "points whose time cannot be right (lost packets?), left out"
     SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
     SWEEPS_WITHOUT_POSE = "sweeps without odometry"
     DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"

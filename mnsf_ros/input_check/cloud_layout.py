@@ -20,7 +20,7 @@ class CloudLayout(Assumption):
     def __init__(self) -> None:
         self._text, self._frames = "", dict[str, None]()
         self._num, self._num_odd = 0, 0
-        self._lost: deque[float] = deque(maxlen=100)  # share of rays that were left out
+        self._lost: deque[float] = deque(maxlen=100)  # share of rays without a return
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next sweep."""
@@ -29,7 +29,8 @@ class CloudLayout(Assumption):
         if sample.cloud is None:
             return
         message, self._num = sample.cloud.message, self._num + 1
-        self._lost.append(1 - len(sample.sweep) / max(len(sample.cloud.measured), 1))
+        num_returns = len(sample.sweep) + sample.cloud.num_untimed
+        self._lost.append(1 - num_returns / max(len(sample.cloud.measured), 1))
         self._num_odd += message.row_step != message.width * message.point_step
         if not self._text:
             names = " ".join(field.name for field in message.fields)
@@ -51,7 +52,7 @@ class CloudLayout(Assumption):
         """Yields what does not fit."""
         if self._num_odd:
             found = f"row_step is not width * point_step in {self._num_odd} of {self._num} clouds"
-            remedy = "Correct the driver; row_step is ignored where the lengths agree"
+            remedy = "Nothing needs doing: it is ignored, as the lengths agree"
             yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
         if len(self._frames) > 1:
             found = f"clouds have different frames: {', '.join(self._frames)}"

@@ -20,6 +20,8 @@ _MAX_BLUR_DEG: Final = 1.0
 _MAX_TILT_DEG: Final = 6.0
 # The lens of a lidar is higher above the ground.
 _MIN_LENS_M: Final = 0.2
+# Of a normal of the ground: 3 degrees.
+_NOISE: Final = 0.05
 _PLACE_REMEDY: Final = (
     "Publish clouds in the frame of the lidar, or set lidars.frame to this frame, lidars.poses to "
     "parameters, and lidar_1.x_m to lidar_1.z_m to the place of the lidar"
@@ -44,35 +46,44 @@ class LevelFrame(Assumption):
         if ground is None:
             return
         if found is None:
-            remedy = "Set lidar_1.roll_deg and lidar_1.pitch_deg, unless it is a wall"
+            x, y, z = np.where(np.abs(ground[:3]) < _NOISE, 0.0, ground[:3])
+            roll_deg, pitch_deg = np.degrees((np.arctan2(y, z), -np.arcsin(np.clip(x, -1, 1))))
+            remedy = (
+                f"If the lidar is mounted so, set lidar_1.roll_deg={roll_deg:.0f} and "
+                f"lidar_1.pitch_deg={pitch_deg:.0f}; if that is a wall, nothing needs doing"
+            )
             yield Finding(_UP, Severity.ERROR, _tilt_text(ground[:3]), remedy)
         elif found.tilt_deg > 0:
             text = f"{_tilt_text(found.level_from_sensor[2, :3])}; methods get the clouds upright"
-            remedy = "lidar_1.roll_deg and lidar_1.pitch_deg make it exact"
+            remedy = (
+                "Nothing needs doing; lidar_1.roll_deg and lidar_1.pitch_deg would make it exact"
+            )
             yield Finding(_UP, Severity.INFO, text, remedy)
         elif _tilt_deg(ground[:3]) > _MAX_TILT_DEG:
             text = f"{_tilt_text(ground[:3])}; methods take the clouds as they are"
-            remedy = "Up to a tenth of the movers may be missed: mount the lidar level if you can"
+            text += ", and may miss up to a tenth of the movers"
+            remedy = "Mount the lidar level if you can; otherwise nothing needs doing"
             yield Finding(_UP, Severity.INFO, text, remedy)
         if found is not None and found.lens_m.any():
             text = f"the lidar is not at the origin of the frame, but at {found.place}"
-            yield Finding(_LENS, Severity.INFO, f"{text}; methods see from there", _PLACE_REMEDY)
+            yield Finding(
+                _LENS, Severity.INFO, f"{text}; methods see from there", "Nothing needs doing"
+            )
         elif cones is not None and cones.blur_deg > _MAX_BLUR_DEG:
             text = f"beams are {cones.blur_deg:.1f} degrees off cones around the origin"
             text += ", and no place near it is better"
             yield Finding(_LENS, Severity.WARNING, text, _PLACE_REMEDY)
         elif found is not None and ground[3] < _MIN_LENS_M:
             side = "above" if ground[3] > 0 else "below"
-            text = f"the origin is {abs(ground[3]):.2f} m {side} ground, so it is not the lidar"
+            text = f"the origin is {abs(ground[3]):.2f} m {side} the ground, so it is not the lidar"
             yield Finding(_LENS, Severity.WARNING, text, _PLACE_REMEDY)
 
 
 def _tilt_text(up: NDArray[np.float64]) -> str:
     axis = int(np.argmax(np.abs(up)))
     nearest = f"{'-' if up[axis] < 0 else ''}{'xyz'[axis]}"
-    return (
-        f"z is {_tilt_deg(up):.0f} degrees off the normal of the ground, up is nearest to {nearest}"
-    )
+    text = f"z is {_tilt_deg(up):.0f} degrees off the normal of the ground"
+    return text if nearest == "z" else f"{text}, up is nearest to {nearest}"
 
 
 def _tilt_deg(up: NDArray[np.float64]) -> float:

@@ -73,7 +73,8 @@ class OdometryFit(Assumption):
         if not self._steps:
             return {}
         typical_m = float(np.median([one[0] for one in self._steps]))
-        return {"odometry": f"{typical_m:.2f} m a sweep from registration, {_FAR_M:.0f} m away"}
+        text = f"differs from registration by {typical_m:.2f} m a sweep, {_FAR_M:.0f} m away"
+        return {"odometry": text}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
@@ -93,8 +94,8 @@ class OdometryFit(Assumption):
                 f"{np.median(differences_m[contradicted]):.2f} m: static points are off by "
                 f"{np.median(own_m[contradicted]):.2f} m under it, by "
                 f"{np.median(registered_m[contradicted]):.2f} m under registration",
-                "Check its stamps and the pose of the sensor (ego_motion.sensor_x_m and others), "
-                "or use ego_motion.source=registration",
+                "Set ego_motion.source=registration, until the stamps of the odometry and the pose "
+                "of the sensor (ego_motion.sensor_x_m and others) are corrected",
             )
 
 

@@ -45,7 +45,7 @@ class Revolution(Assumption):
             return points
         low, high = np.degrees((min(self._lows), max(self._highs)))
         around = f"{self._coverage_deg:.0f} degrees around with returns"
-        return {"field of view": f"{around}, {low:.0f} to {high:.0f} up", **points}
+        return {"field of view": f"{around}, {low:.0f} to {high:.0f} degrees up", **points}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
@@ -59,7 +59,7 @@ class Revolution(Assumption):
                 Severity.INFO,
                 f"clouds of {self._coverage_deg:.0f} degrees are parts of a revolution: "
                 f"{num_parts} are put together",
-                "That costs the time of one part; set the driver to whole revolutions if it can",
+                "Nothing needs doing; whole revolutions from the driver save the delay of one part",
             )
 
     @property

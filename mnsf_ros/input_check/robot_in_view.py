@@ -35,15 +35,15 @@ class RobotInView(Assumption):
         """Its points, in words."""
         if not self._number:
             return {"own body": "none"}
-        return {"own body": f"{self._number} points within {self._reach_m:.1f} m, left out"}
+        return {"own body": f"{self._number:,} points within {self._reach_m:.1f} m, left out"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""
         if self._is_searched and self._reach_m > _END_M:
             found = (
-                f"own body: {self._number} points within {self._reach_m:.1f} m move along with the "
-                "sensor; farther out it is not searched"
+                f"own body: {self._number:,} points within {self._reach_m:.1f} m move along with "
+                "the sensor; farther out it is not searched"
             )
-            remedy = "Leave all of it out: crop.own_body (boxes), or crop.min_range_m"
+            remedy = "If it reaches farther out, leave that out by boxes: crop.own_body"
             severity = Severity.WARNING if self._share > _MIN_SHARE else Severity.INFO
             yield Finding(_ASSUMPTION, severity, found, remedy)

@@ -27,11 +27,13 @@ class SweepSample:
         sweep: The sweep, with a CloudSource as `source`, or without one.
         is_due: Whether to look at its points; some sweeps tell enough.
         num_parts: Clouds of its revolution.
+        lens_m: (3,) metres, the lens in the frame of the cloud, as far as it is known.
     """
 
     sweep: Sweep
     is_due: bool = True
     num_parts: int = 1
+    lens_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
     def rows(self) -> NDArray[np.int64]:
@@ -45,8 +47,8 @@ class SweepSample:
 
     @cached_property
     def xyz(self) -> NDArray[np.float64]:
-        """(K, 3) metres, frame of the sensor."""
-        return self.sweep.xyz[self.rows].astype(np.float64)
+        """(K, 3) metres, from the lens, axes of the cloud."""
+        return self.sweep.xyz[self.rows] - self.lens_m
 
     @property
     def cloud(self) -> Any:  # noqa: ANN401 - a CloudSource

@@ -214,7 +214,7 @@ def decoded(
         text = f"the times of points are not used: {fault}"
         report("clouds_without_usable_times", text)
     if num_untimed := sweep.source.num_untimed:
-        text = "points are left out whose time is far from that of all others in their cloud"
+        text = "points are left out whose time cannot be right (lost packets?)"
         report("points_without_usable_time", text, num_untimed)
     return sweep
 

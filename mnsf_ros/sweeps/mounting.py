@@ -73,7 +73,7 @@ class Mounting:
 
     def __str__(self) -> str:
         """Tilt, place of the lens if it is not the origin, and source."""
-        tilt = f"tilted by {self.tilt_deg:.0f} degrees" if self.tilt_deg > 0 else "level"
+        tilt = f"tilted by {self.tilt_deg:.0f} degrees" if self.tilt_deg > 0 else "upright"
         if self.lens_m.any():
             tilt += f", lens at {self.place}"
         return f"{tilt} ({self.source})"

@@ -71,7 +71,7 @@ class MountingEstimate:
         if self.found is None:
             return "unknown: what may be ground may be a wall"
         height = f"{abs(self.ground[3]):.2f} m {'above' if self.ground[3] > 0 else 'below'}"
-        off = f"z {_tilt_deg(self.ground):.0f} degrees off its normal"
+        off = f"z {_tilt_deg(self.ground):.1f} degrees off its normal"
         return f"{self.found}, origin {height} the ground, {off}"
 
     def mounted(self, sweep: Sweep, settings: Settings) -> Sweep:

@@ -2,6 +2,7 @@
 """PointCloud2 to sweep, and flow to PointCloud2, for live and recorded messages."""
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
-from mnsf_ros.sweeps.azimuth_times import AzimuthTimes
+from mnsf_ros.sweeps.azimuth_times import AzimuthTimes, contradicted
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
@@ -27,22 +28,47 @@ _NUM_STAMPS: Final = 8
 
 @dataclass(frozen=True, eq=False)
 class CloudSource:
-    """The cloud of a sweep."""
+    """The cloud of a sweep, or the clouds of the parts of its revolution, one after the other."""
 
-    message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes
-    measured: NDArray[np.bool_]  # (height * width,) points of the message that are in the sweep
+    message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes; None if not kept
+    measured: NDArray[np.bool_]  # (height * width,) points of the cloud that are in the sweep
     times: PointTimes  # of these points
     is_stamped: bool = True  # whether the message has a stamp
-    num_untimed: int = 0  # points that were left out because their time is outside the sweep
+    num_untimed: int = 0  # points that were left out because their time cannot be right
+    recording: str = ""  # its name
+    parts: Sequence[Sweep] = ()  # each with its cloud, if several
+
+    @property
+    def num_points(self) -> int:
+        """Number of points of the cloud, also of those that are not in the sweep."""
+        return len(self.measured)
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """(N,) row in the cloud of each point of the sweep."""
+        return np.flatnonzero(self.measured)
 
     @property
     def rings(self) -> NDArray[np.integer[Any]] | None:
         """(N,) number of the beam of each point of the sweep; None if unknown."""
+        if self.message is None:
+            return joined_rings(self.parts) if self.parts else None
         points = decode_points(self.message).reshape(-1)
         names = [name for name in _RING_FIELDS if name in (points.dtype.names or ())]
         if not names or points.dtype[names[0]].kind not in "iu":
             return None
         return np.compress(self.measured, points[names[0]])
+
+    @property
+    def without_messages(self) -> "CloudSource":
+        """For sweeps that are kept for long: messages have megabytes."""
+        return replace(self, message=None, parts=())
+
+
+def joined_rings(sweeps: Sequence[Sweep]) -> NDArray[np.integer[Any]] | None:
+    """Returns (N,) the number of the beam of each point, if all sweeps know them."""
+    known = [rings for sweep in sweeps if (rings := sweep.rings) is not None]
+    return np.concatenate(known) if len(known) == len(sweeps) else None
 
 
 class CloudReader:
@@ -50,6 +76,7 @@ class CloudReader:
 
     def __init__(self) -> None:
         self._stamps_ns: deque[int] = deque(maxlen=_NUM_STAMPS)
+        self._has_untimed = False
 
     def sweep(self, message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
         """Returns the measured points of a cloud, with a CloudSource as `source`.
@@ -70,10 +97,12 @@ class CloudReader:
             by_azimuth = AzimuthTimes(*rotation)
             times = PointTimes(by_azimuth.of(xyz, self._interval_s), f"azimuth, {by_azimuth}")
         num_untimed = 0
-        if times.times_s is not None and not (timed := np.isfinite(times.times_s)).all():
-            num_untimed = int(np.count_nonzero(~timed))
-            measured[measured] = timed
-            xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
+        if times.times_s is not None:
+            timed = ~contradicted(xyz, times.times_s, is_likely=self._has_untimed)
+            if not timed.all():
+                self._has_untimed, num_untimed = True, int(np.count_nonzero(~timed))
+                measured[measured] = timed
+                xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
         source = CloudSource(message, measured, times, own_stamp_ns != 0, num_untimed)
         return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 

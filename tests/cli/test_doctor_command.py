@@ -48,8 +48,11 @@ def test_a_street_is_described(street, capsys):
     assert "10.0 Hz" in text
     assert "no returns" not in text
     assert "x y z intensity ring" in text
-    assert "odometry         0.0" in text
+    assert "odometry         differs from registration by 0.0" in text
     assert text.endswith("Nothing wrong was found; notes: 1.\n")
+    assert "examined" not in text
+    _, text, _ = said(capsys, "doctor", street, "--duration-s=0.35")
+    assert "/points, 10 clouds, examined: the first 0.35 s\n" in text
 
 
 def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):

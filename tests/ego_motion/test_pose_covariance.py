@@ -65,3 +65,19 @@ def test_poses_on_bare_ground_are_guesses_that_go_on_with_the_velocity():
     assert found.source is EgoSource.CONSTANT_VELOCITY
     np.testing.assert_allclose(found.world_from_sensor, pose(2.5), atol=1e-9)
     assert np.sqrt(found.step_covariance[0, 0]) > 0.3
+
+
+def test_beside_a_bare_wall_the_motion_along_it_goes_on():
+    """The map hardly says how far the sensor went; the motion before does, while it brakes."""
+    wall, ego_motion = BoxStreet(num_parked=0), EgoMotion(ODOMETRY)
+    wall.boxes = [((0.0, 6.0), (400.0, 3.0, 5.0))]
+    places_m = np.cumsum(np.append(np.ones(4), np.arange(1.0, 0.5, -0.02)))  # 2 m/s^2
+    found = []
+    for index, x in enumerate(places_m):
+        odometry = pose(x) if index < 4 else None
+        sweep = wall.sweep(pose(x), index, odometry=odometry, points_per_box=20_000)
+        found.append(ego_motion.pose_of(sweep))
+    assert {item.source for item in found[4:]} == {EgoSource.REGISTRATION}
+    for (before, after), true_m in zip(itertools.pairwise(found), np.diff(places_m), strict=True):
+        step = np.linalg.inv(before.world_from_sensor) @ after.world_from_sensor
+        assert abs(step[0, 3] - true_m) < 0.25

@@ -48,7 +48,7 @@ def test_a_live_topic_is_described_as_its_recording(street, capsys):
     for name in ("frame", "beams", "own body", "times of points"):
         assert live["facts"][name] == recorded["facts"][name]
     assert live["facts"]["cloud"].endswith("little endian: x y z intensity ring")
-    assert live["facts"]["mounting"].startswith("level")
+    assert live["facts"]["mounting"].startswith("upright")
     assert live["facts"]["rate"].startswith("10.0 Hz")
     assert "from registration" in live["facts"]["odometry"]
 
