@@ -21,8 +21,6 @@ _ARCTAN: Final = tuple(
 # A place is free only if it is nearer than what is around by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
-# A row of cells with fewer returns than this share of those above and below is between beams.
-_BETWEEN_SHARE: Final = 0.1
 
 
 class RangeView:
@@ -37,7 +35,7 @@ class RangeView:
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
-        self._between, self._beside = _between(is_seen), _beside(is_seen)
+        self._beside = _beside(is_seen)
 
     def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
@@ -65,34 +63,24 @@ class RangeView:
     ) -> NDArray[np.float32]:
         """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
-        Nobody can have seen places that are hidden, or beside both views. A place between the
-        beams tells nothing: hardly anything returns from its elevation, all around, but much from
-        above and below.
+        Nobody can have seen places that are hidden, or beside both views.
 
         Args:
             positions: (P, 3) metres, sensor frame.
             other: The view from which the points were seen.
             reach_m: The limit of other places.
-            hidden_m: That of places that nobody can have seen; between the beams it is 0.
+            hidden_m: That of places that nobody can have seen.
         """
         beside = self._beside & other._beside
         limits = np.float32(reach_m), np.float32(hidden_m)
         own = np.ascontiguousarray(positions)
-        return _limits(own, self._nearest, beside, self._between, *limits)
+        return _limits(own, self._nearest, beside, *limits)
 
 
 def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Returns (A,) from which azimuths, and those around, no cell (E, A) has a return."""
     azimuths = np.pad(is_seen.any(axis=0), _NUM_REACHED, mode="wrap")
     return np.asarray(~sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1))
-
-
-def _between(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns (E,) which elevations are between the beams, by the cells (E, A) with a return."""
-    counts = is_seen.sum(axis=1)
-    sides = sliding_window_view(np.pad(counts, _NUM_REACHED), _NUM_REACHED).max(axis=1)
-    below, above = sides[: len(counts)], sides[-len(counts) :]
-    return np.asarray(counts < _BETWEEN_SHARE * np.minimum(below, above))
 
 
 def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
@@ -144,14 +132,11 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
     return cells, ranges
 
 
-@compiled(
-    "float32[::1](float32[:, ::1], float32[::1], boolean[::1], boolean[::1], float32, float32)"
-)
+@compiled("float32[::1](float32[:, ::1], float32[::1], boolean[::1], float32, float32)")
 def _limits(
     positions: NDArray[np.float32],
     nearest: NDArray[np.float32],
     beside: NDArray[np.bool_],
-    between: NDArray[np.bool_],
     reach_m: np.float32,
     hidden_m: np.float32,
 ) -> NDArray[np.float32]:
@@ -164,8 +149,6 @@ def _limits(
         is_hidden = nearest[cell] + margins[row] < ranges[row]
         is_unseen = is_hidden or beside[cell % NUM_AZIMUTHS]
         limits[row] = hidden_m if is_unseen else reach_m
-        if between[cell // NUM_AZIMUTHS]:
-            limits[row] = 0.0
     return limits
 
 
