@@ -44,6 +44,7 @@ _SLOWEST_M_S: Final = 0.2
 _BRAKING_S: Final = 1.0
 _GRACE_S: Final = 0.5
 _VEHICLES: Final = (SurfaceClass.CAR, SurfaceClass.LARGE_VEHICLE, SurfaceClass.CYCLIST)
+_UNKNOWN_POSE: Final = np.full((4, 4), np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +58,9 @@ class Scored:
         called: (M,) whether they are called dynamic.
         confidence: (M,) of them.
         errors_m: (M,) end point errors of their flow.
-        ego_error_m: Error of the translation of the ego motion.
         own_body_moves: 1 if the own body is called a mover, 0 if not; NaN if it is out of view.
+        ego_error_m: Error of the translation from stamp to stamp, since the last sweep; NaN from
+            scratch.
         cpu_ms: CPU time of the estimate.
     """
 
@@ -68,8 +70,8 @@ class Scored:
     called: NDArray[np.bool_]
     confidence: NDArray[np.float32]
     errors_m: NDArray[np.float64]
-    ego_error_m: float
     own_body_moves: float
+    ego_error_m: float = math.nan
     cpu_ms: float = math.nan
 
     @property
@@ -102,7 +104,7 @@ def scored(
     From scratch, each estimate has two sweeps and no past; else all sweeps up to the last counted
     one are estimated. With ground, what is called a mover there is a false one.
     """
-    estimator = make_method(method, preset("online"))
+    estimator, last_pose = make_method(method, preset("online")), _UNKNOWN_POSE
     for index in counted if from_scratch else range(1, counted[-1] + 1):
         previous, current, next_ = (each.sweep for each in sweeps[index - 1 : index + 2])
         if from_scratch:
@@ -110,9 +112,13 @@ def scored(
         start_s = time.process_time()
         estimate = estimator.estimate(SweepTriplet(previous, current, next_))
         cpu_ms = 1e3 * (time.process_time() - start_s)
+        pose = estimate.over_ground.world_from_sensor
         if index in counted:
             one = _scored(name, index, sweeps, estimate, with_ground=with_ground)
-            yield replace(one, cpu_ms=cpu_ms)
+            true_step = np.linalg.inv(sweeps[index - 1].pose) @ sweeps[index].pose
+            off = np.linalg.inv(true_step) @ np.linalg.inv(last_pose) @ pose
+            yield replace(one, ego_error_m=float(np.linalg.norm(off[:3, 3])), cpu_ms=cpu_ms)
+        last_pose = _UNKNOWN_POSE if from_scratch else pose
 
 
 def _scored(
@@ -133,15 +139,11 @@ def _scored(
         errors=by_motion(estimate.flow[above], flow[above], current.truth.dynamic[above]),
         movers=_movers(truth, ~has_stopped, estimate, rows),
     )
-    off = np.linalg.inv(example.triplet.next_from_current) @ over_ground.next_from_current
     called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
-    ego_error_m = float(np.linalg.norm(off[:3, 3]))
     errors_m = end_point_errors(estimate.flow[rows], flow[rows])
     own_body = over_ground.dynamic[current.truth.class_id == SurfaceClass.OWN_BODY]
     own_body_moves = float(own_body.sum() >= _MIN_FALSE_POINTS) if len(own_body) else math.nan
-    return Scored(
-        row, truth, has_stopped, called, confidence, errors_m, ego_error_m, own_body_moves
-    )
+    return Scored(row, truth, has_stopped, called, confidence, errors_m, own_body_moves)
 
 
 def _example(

@@ -136,17 +136,11 @@ def settings_for(method: str, settings: Settings) -> Settings:
 
 
 class Variant(NamedTuple):
-    """A method with settings, by its name `PRESET/METHOD+SETTING=VALUE`.
+    """A method with settings, by its name `PRESET/METHOD+SETTING=VALUE`."""
 
-    Attributes:
-        preset: Name of a preset; empty if the name has none.
-        method: Name of the method.
-        changes: Setting to value.
-    """
-
-    preset: str
-    method: str
-    changes: dict[str, SettingValue]
+    preset: str  # its name; empty if the name has none
+    method: str  # its name
+    changes: dict[str, SettingValue]  # setting to value
 
 
 def variant_of(method: str) -> Variant:

@@ -9,6 +9,7 @@ ROS parameters, the YAML files in `config/`, command-line help and the table in
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 
@@ -54,15 +55,12 @@ class TimeSettings:
         sense, _, start = self.field.partition(":")
         if sense not in ("clockwise", "counterclockwise"):
             return None
-        try:
-            start_deg = float(start) % 360.0
-        except ValueError:
-            start_deg = math.nan
-        if math.isnan(start_deg):
-            raise SettingsError(
-                f"time.field: got {self.field!r}, expected an azimuth in degrees: {sense}:180"
-            )
-        return sense == "clockwise", start_deg
+        with suppress(ValueError):
+            if math.isfinite(float(start)):
+                return sense == "clockwise", float(start) % 360.0
+        raise SettingsError(
+            f"time.field: got {self.field!r}, expected an azimuth in degrees: {sense}:180"
+        )
 
 
 @dataclass(frozen=True)
@@ -96,20 +94,19 @@ class CropSettings:
         """
         if self.own_body in ("auto", "none"):
             return ()
-        return tuple(self._box(text) for text in self.own_body.split(";"))
+        return tuple(map(self._box, self.own_body.split(";")))
 
-    def _box(self, text: str) -> tuple[float, ...]:
-        try:
-            first = [float(number) for number in text.split()]
-        except ValueError:
-            first = []
-        if len(first) != 6 or not all(map(math.isfinite, first)):
-            raise SettingsError(
-                f"crop.own_body: got {text.strip()!r}, expected auto, none, or boxes with semi"
-                "colons between, each as x y z of two opposite corners in metres"
-            )
-        pairs = [sorted(pair) for pair in zip(first[:3], first[3:], strict=True)]
-        return (*(low for low, _ in pairs), *(high for _, high in pairs))
+    @staticmethod
+    def _box(text: str) -> tuple[float, ...]:
+        with suppress(ValueError):
+            corners = [*map(float, text.split())]
+            if len(corners) == 6 and all(map(math.isfinite, corners)):
+                first, second = corners[:3], corners[3:]
+                return (*map(min, first, second), *map(max, first, second))
+        raise SettingsError(
+            f"crop.own_body: got {text.strip()!r}, expected auto, none, or boxes with semi"
+            "colons between, each as x y z of two opposite corners in metres"
+        )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -18,12 +18,12 @@ from mnsf_ros.evaluation.options import (
     EvaluationTask,
     evaluated_methods,
 )
-from mnsf_ros.evaluation.parallel import executor
+from mnsf_ros.evaluation.parallel import Events, executor
 from mnsf_ros.evaluation.recordings import chosen_recordings, short_name
 from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.scoring import ResultRow
-from mnsf_ros.evaluation.task import FinishedTask, TaskEvent
+from mnsf_ros.evaluation.task import FinishedTask
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
@@ -81,10 +81,10 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
 
 def _shown(
     tasks: Sequence[EvaluationTask],
-    events: Iterable[tuple[EvaluationTask, TaskEvent]],
+    events: Events,
     evaluation: EvaluationOptions,
     console: Console,
-) -> Iterable[tuple[EvaluationTask, TaskEvent]]:
+) -> Events:
     """Yields the events, with a bar of sweeps and a line for each task that is done."""
     most = evaluation.max_examples or sys.maxsize
     num_sweeps = {

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
-from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps_io.files import (
     as_type,
     columns_of,
@@ -36,19 +35,13 @@ ARGOVERSE2: Final = classes_of(
     "MOBILE_PEDESTRIAN_CROSSING_SIGN, SIGN, STOP_SIGN, TRAFFIC_LIGHT_TRAILER",
     animal="ANIMAL, DOG",
 )
-_ARGOVERSE2_NAMES: Final = sorted(ARGOVERSE2)
-# The most common category of each class.
-_ARGOVERSE2_NUMBERS: Final = {
-    SurfaceClass[surface]: 1 + _ARGOVERSE2_NAMES.index(name)
-    for surface, name in {
-        "CAR": "REGULAR_VEHICLE",
-        "PEDESTRIAN": "PEDESTRIAN",
-        "CYCLIST": "BICYCLIST",
-        "LARGE_VEHICLE": "LARGE_VEHICLE",
-        "OBSTACLE": "BOLLARD",
-        "ANIMAL": "ANIMAL",
-    }.items()
-}
+_NAMES: Final = sorted(ARGOVERSE2)
+# Class of each category number: 0 is the background, 1 to 30 are the categories by alphabet.
+_CLASSES: Final = np.array([0, *(ARGOVERSE2[name] for name in _NAMES)], np.uint8)
+# Number of the most common category of each class; 0 for all other classes.
+_COMMON = ("REGULAR_VEHICLE", "PEDESTRIAN", "BICYCLIST", "LARGE_VEHICLE", "BOLLARD", "ANIMAL")
+_NUMBERS: Final = np.zeros(256, np.uint8)
+_NUMBERS[[ARGOVERSE2[name] for name in _COMMON]] = [1 + _NAMES.index(name) for name in _COMMON]
 
 
 def open_log(source: Path) -> SweepSource:
@@ -117,22 +110,16 @@ def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
 
 def argoverse2_numbers(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Returns a category number of Argoverse 2 for each class (N,), 0 for the background."""
-    table = np.zeros(256, dtype=np.uint8)
-    for surface, number in _ARGOVERSE2_NUMBERS.items():
-        table[surface] = number
-    return table[classes]
+    return _NUMBERS[classes]
 
 
 def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     """Returns the class of each category number (N,) of Argoverse 2 flow labels.
 
-    0 is the background, 1 to 30 are the categories by alphabet.
-
     Raises:
         ValueError: A number is out of range.
     """
-    table = np.array([0, *(ARGOVERSE2[name] for name in _ARGOVERSE2_NAMES)], dtype=np.uint8)
-    wrong = numbers[(numbers < 0) | (numbers >= len(table))]
+    wrong = numbers[(numbers < 0) | (numbers >= len(_CLASSES))]
     if len(wrong):
-        raise ValueError(f"category number {wrong[0]}, expected 0 to {len(table) - 1}")
-    return table[numbers]
+        raise ValueError(f"category number {wrong[0]}, expected 0 to {len(_CLASSES) - 1}")
+    return _CLASSES[numbers]

@@ -81,15 +81,11 @@ def stamps_ns(keys: Iterable[str]) -> dict[str, int]:
     found = sorted(stamps.values()) or [0]
     interval = float(np.median(np.diff(np.array(found, float)))) if len(found) > 1 else 0.0
 
-    def is_date(unit_ns: int) -> bool:
-        return _SECONDS[0] <= found[0] * unit_ns * 1e-9 < _SECONDS[1]
-
-    def is_lidar(unit_ns: int) -> bool:
-        return _INTERVALS_S[0] <= interval * unit_ns * 1e-9 <= _INTERVALS_S[1]
-
     def oddity(unit_ns: int) -> tuple[bool, bool, float]:
-        ratio = interval * unit_ns * 1e-9 / USUAL_INTERVAL_S
-        return not is_date(unit_ns), not is_lidar(unit_ns), abs(np.log(ratio or 1.0))
+        is_date = _SECONDS[0] <= found[0] * unit_ns * 1e-9 < _SECONDS[1]
+        interval_s = interval * unit_ns * 1e-9
+        is_lidar = _INTERVALS_S[0] <= interval_s <= _INTERVALS_S[1]
+        return not is_date, not is_lidar, abs(np.log(interval_s / USUAL_INTERVAL_S or 1.0))
 
     unit_ns = min(_UNITS_NS, key=oddity)
     return {key: stamp * unit_ns for key, stamp in stamps.items()}

@@ -34,7 +34,7 @@ class Cloud:
         parts: (N,) int32, the part of the sweep that each point belongs to.
         part_times_s: (K,) seconds from the moment that points are corrected to, to each part; a
             single zero if the sweep counts as taken in one moment.
-        beam_axis: (3,) that of the sweep.
+        beam_axis: (3,) unit vector, the axis that the beams turn about.
     """
 
     points: NDArray[np.float32]
@@ -59,7 +59,7 @@ class Cloud:
         standing = thinned(sorted_[:number], settings.thinning_m)
         low = thinned(sorted_[number:], _LOW_CELLS * settings.thinning_m)
         columns = np.concatenate([standing, low])
-        parts, axis = _parts(columns[:, 3:]), sweep.beam_axis
+        parts, axis = _parts(columns[:, 3:]), sweep.beams_from_sensor[2]
         return cls(np.ascontiguousarray(columns[:, :3]), len(standing), *parts, axis)
 
     def at_once(self, points: NDArray[np.float32]) -> "Cloud":

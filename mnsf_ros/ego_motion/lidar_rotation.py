@@ -13,9 +13,9 @@ from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
 from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
-from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.settings import EgoMotionSettings, Settings
 from mnsf_ros.sweeps.azimuth_times import times_in_order
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Start, Sweep, SweepTriplet
 
 # Things near by are seen first in front, then behind: at other times of a sweep.
 _NEAR_M: Final = 25.0
@@ -47,7 +47,8 @@ class LidarRotation:
 
     It compares static things with those of a sweep 5 m before: with times in the order of the
     points, as taken in one moment, and with times in the reverse order. The first must agree better
-    than both: among traffic, any distortion may agree by chance. What is found once holds.
+    than both: among traffic, any distortion may agree by chance. What is found once holds. Nothing
+    is done where the user says the times, or points are not corrected by them.
 
     Attributes:
         is_found: Whether the lidar turns; None while that is looked for.
@@ -64,8 +65,19 @@ class LidarRotation:
         self._views: deque[_View] = deque(maxlen=1 + _NUM_STEPS)
         self._evidence: list[float] = []
 
-    def timed(self, sweep: Sweep) -> Sweep:
-        """Returns the sweep with times, if it has none. Always the same object."""
+    def begin(self, start: Start) -> None:
+        """Compares with no sweep before a new start, and starts anew with another frame."""
+        if start is Start.COLD_FRAME:
+            self.forget()
+        self._views.clear()
+
+    def timed(self, triplet: SweepTriplet, settings: Settings) -> SweepTriplet:
+        """Returns the triplet, with times if the lidar turns. Each sweep is always the same one."""
+        if not (self.is_found and _are_wanted(settings)):
+            return triplet
+        return triplet.changed(self._with_times)
+
+    def _with_times(self, sweep: Sweep) -> Sweep:
         if sweep.times_s is not None:
             return sweep
         if sweep not in self._timed:
@@ -73,25 +85,23 @@ class LidarRotation:
             self._timed[sweep] = replace(sweep, times_s=times_s)
         return self._timed[sweep]
 
-    def forget_places(self) -> None:
-        """Compares with no sweep before, as where a new world begins."""
-        self._views.clear()
-
-    def learn(self, last: PosedSweep, newest: PosedSweep, settings: EgoMotionSettings) -> bool:
+    def learn(self, last: PosedSweep, newest: PosedSweep, settings: Settings) -> bool:
         """Takes two consecutive sweeps. Returns whether they show that the lidar turns."""
         (before, before_pose), (sweep, pose) = last, newest
         interval_s = (sweep.stamp_ns - before.stamp_ns) / NANOSECONDS
         if self.is_found is not None or sweep.times_s is not None or interval_s <= 0:
             return False
+        if not _are_wanted(settings):
+            return False
         if pose.source is EgoSource.CONSTANT_VELOCITY:
-            self.forget_places()
+            self._views.clear()
             return False
         self._intervals_s.append(interval_s)
         step = np.linalg.inv(before_pose.world_from_sensor) @ pose.world_from_sensor
         motion = SweepMotion.of_step(step, interval_s, 0.0)
         is_fast = np.linalg.norm(motion.velocity[:3]) > _MIN_SPEED_M_S
         if is_fast and self._is_far(pose.world_from_sensor):
-            self._compare(sweep, pose.world_from_sensor, motion, settings)
+            self._compare(sweep, pose.world_from_sensor, motion, settings.ego_motion)
         return bool(self.is_found)
 
     @property
@@ -137,4 +147,9 @@ class LidarRotation:
         if abs(last) > _CLEARLY or len(self._evidence) == _MAX_COMPARED:
             self.is_found = last > _CLEARLY
         if self.is_found is not None:
-            self.forget_places()
+            self._views.clear()
+
+
+def _are_wanted(settings: Settings) -> bool:
+    """Whether times of points are to be found, and used."""
+    return settings.time.field == "auto" and settings.ego_motion.deskew

@@ -130,7 +130,8 @@ class ExampleBuilder:
         self._findings.count(Event.LEVELLED, int(sweep.tilt is not None))
         ground = None if truth is None else truth.ground
         kept = kept_points(sweep.levelled.xyz, sweep.stamp_ns, ground, self._options)
-        sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
+        source, odometry = sweep.source.without_messages, self._pose_of(sweep)
+        sweep = replace(sweep, source=source, kept=kept, odometry=odometry)
         arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
             self._findings.count(Event[arrival.name])

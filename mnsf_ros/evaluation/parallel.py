@@ -22,9 +22,8 @@ from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.run_folder import StoppedError
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 
-Executor = Callable[
-    [Sequence[EvaluationTask], EvaluationOptions], Iterator[tuple[EvaluationTask, TaskEvent]]
-]
+Events = Iterator[tuple[EvaluationTask, TaskEvent]]
+Executor = Callable[[Sequence[EvaluationTask], EvaluationOptions], Events]
 _TaskFuture = Future[list[TaskEvent]]
 
 LOCAL: Final = "local"
@@ -32,9 +31,7 @@ _CONNECT_S: Final = 10.0
 _ENDING_S: Final = 5.0
 
 
-def run_serially(
-    tasks: Sequence[EvaluationTask], options: EvaluationOptions
-) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+def run_serially(tasks: Sequence[EvaluationTask], options: EvaluationOptions) -> Events:
     """Runs tasks one after the other in this process."""
     for task in tasks:
         for event in task_events(task, options):
@@ -70,7 +67,7 @@ def executor(
 
 def _events_as_tasks_end(
     futures: dict[_TaskFuture, EvaluationTask], lost: type[Exception]
-) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+) -> Events:
     """Yields the events of finished tasks, then raises a StoppedError if workers were `lost`."""
     reason: Exception | None = None
     for future in as_completed(futures):
@@ -92,9 +89,7 @@ def _processes(num_workers: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(num_workers, context, _end_with_parent)
 
-    def execute(
-        tasks: Sequence[EvaluationTask], options: EvaluationOptions
-    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    def execute(tasks: Sequence[EvaluationTask], options: EvaluationOptions) -> Events:
         # Ctrl-C reaches all processes of a terminal; workers inherit that they ignore it.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
@@ -147,9 +142,7 @@ def _all_events(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEv
 
 @contextmanager
 def _ray_cluster(ray: Any, address: str, num_gpus: float | None) -> Iterator[Executor]:  # noqa: ANN401
-    def execute(
-        tasks: Sequence[EvaluationTask], options: EvaluationOptions
-    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    def execute(tasks: Sequence[EvaluationTask], options: EvaluationOptions) -> Events:
         compute = options.settings.compute
         share = float(compute.device == "cuda") if num_gpus is None else num_gpus
         needs = {"CPU": compute.num_threads, "GPU": share}

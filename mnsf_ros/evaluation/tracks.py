@@ -4,16 +4,16 @@
 import math
 from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.stamped_rate import StampedRate
+from mnsf_ros.geometry.stamped_track import Item
 from mnsf_ros.geometry.transforms import sensor_mount, transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import IMU_TYPE, TF_TYPE, UsedTopics
@@ -24,51 +24,33 @@ from mnsf_ros.sweeps.rate_track import RateTrack, are_covered
 from mnsf_ros.sweeps.revolutions import Revolutions
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import CloudReader, CloudSource
-from mnsf_ros.sweeps_io.several_lidars import joined_rings, joined_times, revolution_sweep
+from mnsf_ros.sweeps_io.several_lidars import joined_times, revolution_sweep
 from msg_utils.errors import MessageError
+from msg_utils.point_times import PointTimes
 from msg_utils.stamps import decode_stamp
 
 # Messages that are looked at ahead to put them in the order of their header stamps.
 _ORDER_WINDOW: Final = 4
 
 
-class _Stamped(Protocol):
-    @property
-    def stamp_ns(self) -> int: ...
-
-
-Item = TypeVar("Item", bound=_Stamped)
-
-
-@dataclass(frozen=True, eq=False)
-class CloudRows:
-    """Rows of a sweep in the recorded cloud; the `source` of a recorded sweep."""
-
-    rows: NDArray[np.int64]  # (N,) of the points of the sweep
-    num_points: int  # of the cloud, also those that are not in the sweep
-    recording: str = ""  # name
-    rings: NDArray[np.integer[Any]] | None = None  # (N,) number of the beam; None if unknown
-    parts: Sequence[Sweep] = ()  # clouds of the revolution, if several; rows count through them
-
-
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, settings: Settings, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the sweeps of a topic without their messages: `source` is a CloudRows; None for a gap.
+    """Yields the sweeps of a topic, `source` is a CloudSource; None for a gap.
 
     `findings` collect events and damage.
     """
     imu = _RecordedImu(reader, settings, findings)
     for parts in _recorded_revolutions(reader, topic, settings, findings):
-        yield imu.turning(_with_rows(parts, recording)) if parts else None
+        yield imu.turning(_of_recorded_rows(parts, recording)) if parts else None
 
 
 def recorded_clouds(
     reader: BagReader, topics: UsedTopics, settings: Settings, findings: Findings
 ) -> Iterator[Sweep]:
-    """Yields the sweeps of a recording with messages and odometry; `source` is a CloudSource.
+    """Yields the sweeps of a recording with odometry, revolutions with one message.
 
-    `findings` collect events and damage.
+    `source` is a CloudSource. `findings` collect events and damage.
     """
     imu = _RecordedImu(reader, settings, findings)
     poses = recorded_track(reader, topics.odometry, settings, findings)
@@ -139,27 +121,16 @@ def _checked(parts: Sequence[Sweep], findings: Findings) -> Sequence[Sweep]:
     return parts
 
 
-def _with_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
-    """The parts as one sweep with the stamp of the first, and a CloudRows."""
-    clouds = []
-    for part in parts:
-        measured = part.source.measured
-        source = CloudRows(np.flatnonzero(measured), len(measured), recording, part.rings)
-        clouds.append(replace(part, source=source))
-    first = clouds[0]
-    if len(clouds) == 1:
-        return first
-    starts = np.cumsum([0, *(cloud.source.num_points for cloud in clouds)])
-    rows = [cloud.source.rows + start for cloud, start in zip(clouds, starts, strict=False)]
-    source = CloudRows(
-        np.concatenate(rows), int(starts[-1]), recording, joined_rings(clouds), clouds
-    )
-    return replace(
-        first,
-        xyz=np.concatenate([cloud.xyz for cloud in clouds]),
-        times_s=joined_times(clouds, first.stamp_ns),
-        source=source,
-    )
+def _of_recorded_rows(parts: Sequence[Sweep], recording: str) -> Sweep:
+    """The parts as one sweep with the stamp of the first; its rows are those of the recording."""
+    first = parts[0]
+    if len(parts) == 1:
+        return replace(first, source=replace(first.source, recording=recording))
+    times = PointTimes(joined_times(parts, first.stamp_ns))
+    measured = np.concatenate([part.source.measured for part in parts])
+    source = CloudSource(None, measured, times, recording=recording, parts=parts)
+    xyz = np.concatenate([part.xyz for part in parts])
+    return replace(first, xyz=xyz, times_s=times.times_s, source=source)
 
 
 def recorded_poses(

@@ -47,13 +47,13 @@ def bounds(xyz: NDArray[np.float32]) -> tuple[np.float32, np.float32, np.float32
     return low_x, low_y, high_x, high_y
 
 
-def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
-    """Returns the mean of the points (N, 3) in each cell, (M, 3); also of a fourth column.
+def thinned(rows: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
+    """Returns the mean of the rows (N, C) in each cell, (M, C); columns are x, y, z and others.
 
     Their order is by height, then from right to left and from back to front: each n-th of them is
     spread as evenly as all are.
     """
-    means, keys = _means_of_cells(np.require(xyz, requirements=("C", "W")), 1 / cell_m)
+    means, keys = _means_of_cells(np.require(rows, requirements=("C", "W")), 1 / cell_m)
     # np.take is several times faster than means[...].
     return np.take(means, np.argsort(keys), axis=0)
 
@@ -66,20 +66,19 @@ def _index(place_m: np.float32, cells_per_m: float) -> int:
 
 @compiled("Tuple((float32[:, ::1], int64[::1]))(float32[:, ::1], float64)")
 def _means_of_cells(
-    xyz: NDArray[np.float32], cells_per_m: float
+    rows: NDArray[np.float32], cells_per_m: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     # A table with open addressing; at least a third of its places stays free.
     size = 16
-    while 2 * size < 3 * len(xyz):
+    while 2 * size < 3 * len(rows):
         size *= 2
     cells = np.full(size, -1, np.int32)
-    # Of x, y, z and 1.
-    sums, own_keys = np.empty((len(xyz), 4)), np.empty(len(xyz), np.int64)
-    has_fourth = xyz.shape[1] > 3
-    fourth = np.zeros(len(xyz) if has_fourth else 0)
+    # Of x, y, z and 1, and of further columns: loops over a known number of columns are faster.
+    sums, own_keys = np.empty((len(rows), 4)), np.empty(len(rows), np.int64)
+    further = np.zeros((len(rows), rows.shape[1] - 3))
     number = 0
-    for row in range(len(xyz)):
-        x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
+    for row in range(len(rows)):
+        x, y, z = rows[row, 0], rows[row, 1], rows[row, 2]
         across, along = _index(x, cells_per_m), _index(y, cells_per_m)
         up = _index(z, cells_per_m)
         key = across | along << 21 | up << 42
@@ -88,20 +87,20 @@ def _means_of_cells(
             place = place + 1 & size - 1
         if cells[place] == -1:
             cells[place], own_keys[number] = number, key
-            for axis in range(4):
-                sums[number, axis] = 0.0
+            for column in range(4):
+                sums[number, column] = 0.0
             number += 1
         cell = cells[place]
         sums[cell, 0] += x
         sums[cell, 1] += y
         sums[cell, 2] += z
         sums[cell, 3] += 1.0
-        if has_fourth:
-            fourth[cell] += xyz[row, 3]
-    means = np.empty((number, xyz.shape[1]), np.float32)
+        for column in range(further.shape[1]):
+            further[cell, column] += rows[row, 3 + column]
+    means = np.empty((number, rows.shape[1]), np.float32)
     for cell in range(number):
-        for axis in range(3):
-            means[cell, axis] = sums[cell, axis] / sums[cell, 3]
-        if has_fourth:
-            means[cell, 3] = fourth[cell] / sums[cell, 3]
+        for column in range(3):
+            means[cell, column] = sums[cell, column] / sums[cell, 3]
+        for column in range(further.shape[1]):
+            means[cell, 3 + column] = further[cell, column] / sums[cell, 3]
     return means, own_keys[:number]

@@ -30,17 +30,11 @@ _MIN_BASE_NS: Final = 50_000_000
 
 @dataclass(frozen=True, eq=False)
 class StampedPose:
-    """A pose with its time.
-
-    Attributes:
-        stamp_ns: Integer nanoseconds.
-        world_from_frame: (4, 4) float64.
-        frame_id: Name of the moving frame in the message.
-    """
+    """A pose with its time."""
 
     stamp_ns: int
-    world_from_frame: NDArray[np.float64]
-    frame_id: str = ""
+    world_from_frame: NDArray[np.float64]  # (4, 4)
+    frame_id: str = ""  # name of the moving frame in the message
 
     @classmethod
     def of(cls, message: OdometryLike) -> "StampedPose":

@@ -19,17 +19,11 @@ _MAX_RATE: Final = 1e4
 
 @dataclass(frozen=True, eq=False)
 class StampedRate:
-    """The turn rate of an IMU at a time.
-
-    Attributes:
-        stamp_ns: Integer nanoseconds.
-        rate: (3,) float64, rad/s about the axes of the IMU.
-        frame_id: Name of its frame.
-    """
+    """The turn rate of an IMU at a time."""
 
     stamp_ns: int
-    rate: NDArray[np.float64]
-    frame_id: str = ""
+    rate: NDArray[np.float64]  # (3,) rad/s about the axes of the IMU
+    frame_id: str = ""  # name of its frame
 
     @classmethod
     def of(cls, message: ImuLike) -> "StampedRate":

@@ -7,9 +7,9 @@ from typing import Final
 
 import torch
 from torch import nn
-from torch.nn import functional
 
 from mnsf_ros.errors import SweepError
+from mnsf_ros.networks.distance_transform import between_nodes
 from mnsf_ros.networks.optimization import Schedule
 from mnsf_ros.networks.target_distance import NearestNeighborDistance
 from mnsf_ros.networks.workbench import Workbench
@@ -181,15 +181,8 @@ class KroneckerField(nn.Module):
 
     def forward(self, positions: torch.Tensor) -> torch.Tensor:
         """Flow at the positions; outside the grid that at its border."""
-        unit = 2 * (positions - self._low) / self._extent - 1  # [M, 3], -1..1 inside
-        blended = functional.grid_sample(
-            self._node_flow()[None],
-            unit.flip(1)[None, None, None],  # grid_sample wants the last axis first
-            mode="bilinear",
-            padding_mode="border",
-            align_corners=True,
-        )
-        return blended.view(3, -1).T
+        unit = 2 * (positions - self._low) / self._extent - 1
+        return between_nodes(self._node_flow(), unit).T
 
     def total_variation(self) -> torch.Tensor:
         """Mean change of the flow between neighbouring nodes, metres."""

@@ -172,7 +172,7 @@ class PredictionFiles:
         current = triplet.current
         # The points of a recorded sweep know their rows in its cloud.
         cloud: Any = current.source
-        if not hasattr(cloud, "rows"):
+        if not getattr(cloud, "recording", ""):
             raise MethodError("predictions from files are of recorded sweeps only")
         file = self._file_of(current)
         try:

@@ -34,21 +34,13 @@ _FORWARD_DONE, _FIELDS_DONE = 0.4, 0.8
 
 @dataclass(frozen=True, eq=False)
 class _Pull:
-    """Another sweep that pulls P points toward its surfaces, with a Huber loss of D(p, S).
+    """Another sweep that pulls P points toward its surfaces, with a Huber loss of D(p, S)."""
 
-    Attributes:
-        distance: D(p, S).
-        rotation: (3, 3) from the axes of the world to the sensor frame of the sweep.
-        shift: (3,) metres.
-        time_ratios: (P, 1) factor from the fitted flow to the motion until the sweep.
-        weight: Of its loss.
-    """
-
-    distance: TargetDistance
-    rotation: torch.Tensor
-    shift: torch.Tensor
-    time_ratios: torch.Tensor
-    weight: float
+    distance: TargetDistance  # D(p, S)
+    rotation: torch.Tensor  # (3, 3) from the axes of the world to the sensor frame of the sweep
+    shift: torch.Tensor  # (3,) metres
+    time_ratios: torch.Tensor  # (P, 1) factor from the fitted flow to the motion until the sweep
+    weight: float  # of its loss
 
     def of(
         self, points: torch.Tensor, flow: torch.Tensor, widths: torch.Tensor, chosen: torch.Tensor

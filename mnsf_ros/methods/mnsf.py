@@ -33,15 +33,10 @@ def mnsf(bench: Workbench, num_fields: int = 2) -> torch.Tensor:
 
 @dataclass(frozen=True)
 class Networks:
-    """The networks of the method.
+    """The networks of the method."""
 
-    Attributes:
-        fields: The forward field and the backward fields: to t-1, t-2 ...
-        fusion: The fusion of their flows.
-    """
-
-    fields: tuple[Perceptron, ...]
-    fusion: nn.Module
+    fields: tuple[Perceptron, ...]  # the forward field and the backward fields: to t-1, t-2 ...
+    fusion: nn.Module  # of their flows
 
     @classmethod
     def fresh(cls, bench: Workbench, num_fields: int) -> "Networks":

@@ -32,19 +32,12 @@ FlowOf = Callable[[Workbench], torch.Tensor]
 
 @dataclass(frozen=True)
 class NetworkMethod:
-    """A method that fits networks.
+    """A method that fits networks."""
 
-    Attributes:
-        flow_of: Fits networks on the workbench, and returns the flow (N, 3), metres from t to t+1.
-        num_sweeps: Sweeps that the method looks at.
-        distance_kind: Kind of the distances, if not that of `Workbench.next.distance`.
-        needs_previous: False if a method of three sweeps can do with two.
-    """
-
-    flow_of: FlowOf
-    num_sweeps: int = 2
-    distance_kind: str | None = None
-    needs_previous: bool = True
+    flow_of: FlowOf  # fits networks on the workbench; its flow is (N, 3) metres from t to t+1
+    num_sweeps: int = 2  # that the method looks at
+    distance_kind: str | None = None  # if not that of `Workbench.next.distance`
+    needs_previous: bool = True  # false if a method of three sweeps can do with two
 
 
 class NetworkEstimator:

@@ -93,18 +93,11 @@ class BrickDistance:
 
 @dataclass(frozen=True)
 class _Bricks:
-    """Squared distances of nodes, in cells, before, between and after the passes.
+    """Squared distances of nodes, in cells, before, between and after the passes."""
 
-    Attributes:
-        keys: (B,) int64, ascending, see `_key`. The first one, -1, is of an empty brick.
-        squares: (B, 16, 16, 16), at most `far`. The first axis is that of the next pass.
-        far: The largest square; farther nodes do not matter.
-        max_bricks: Maximum number of bricks.
-    """
-
-    keys: torch.Tensor
-    squares: torch.Tensor
-    far: int
+    keys: torch.Tensor  # (B,) int64, ascending, see `_key`; the first, -1, is of an empty brick
+    squares: torch.Tensor  # (B, 16, 16, 16), at most `far`; the first axis is that of the next pass
+    far: int  # the largest square; farther nodes do not matter
     max_bricks: int
 
     @classmethod

@@ -27,6 +27,22 @@ def nodes_around(
     return first, tuple(b - a + 1 for a, b in zip(first, last, strict=True))
 
 
+def between_nodes(values: torch.Tensor, unit: torch.Tensor) -> torch.Tensor:
+    """Interpolates C values trilinearly; differentiable, and outside the grid that of its border.
+
+    Args:
+        values: (C, nx, ny, nz), at the nodes of a grid.
+        unit: (M, 3) places in the grid, from -1 at the first node of an axis to 1 at the last one.
+
+    Returns:
+        (C, M).
+    """
+    places = unit.flip(1)[None, None, None]  # grid_sample wants the last axis first
+    return functional.grid_sample(
+        values[None], places, mode="bilinear", padding_mode="border", align_corners=True
+    ).view(len(values), -1)
+
+
 class DistanceTransform:
     """Distances to a sweep on a grid, interpolated trilinearly between the nodes.
 
@@ -58,13 +74,7 @@ class DistanceTransform:
         than the true distance, up to the rounding to cells, and still pulling back inside.
         """
         inside = torch.minimum(torch.maximum(positions, self.low), self.high)
-        unit = 2 * (inside - self.low) / (self.high - self.low) - 1  # [M, 3] in -1..1
-        looked_up = functional.grid_sample(
-            self.distances[None, None],
-            unit.flip(1)[None, None, None],  # grid_sample wants the last axis first
-            mode="bilinear",
-            padding_mode="border",
-            align_corners=True,
-        ).view(-1)
+        unit = 2 * (inside - self.low) / (self.high - self.low) - 1
+        looked_up = between_nodes(self.distances[None], unit).view(-1)
         beyond: torch.Tensor = torch.linalg.vector_norm(positions - inside, dim=1)
         return looked_up + beyond

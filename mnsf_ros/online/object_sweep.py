@@ -75,7 +75,7 @@ class ObjectSweep:
         self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:
-            self.clock = SweepClock.of(self.xyz, sweep.times_s)
+            self.clock = SweepClock.of(self.xyz, sweep.times_s, sweep.beams_from_sensor)
         # A mover is elsewhere when it is seen again: objects consist of first views.
         self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
         points = self._points = chosen_points(self.xyz, self._in_objects)
@@ -112,7 +112,7 @@ class ObjectSweep:
     @cached_property
     def view(self) -> RangeView:
         """The range image of the sweep."""
-        return RangeView(self.xyz)
+        return RangeView(self.xyz, self.input.beams_from_sensor)
 
     @property
     def stamp_ns(self) -> int:

@@ -142,10 +142,11 @@ class Target:
     def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), frame of the target, are hidden or out of view.
 
-        They are behind a surface, or in a direction without returns in both sweeps.
+        They are behind a surface, above or below all beams, or in a direction without returns in
+        both sweeps.
         """
         view = self.sweep.view
-        return view.are_hidden(places) | view.are_beside(places, self.current.view)
+        return view.are_hidden(places) | view.are_out(places, self.current.view)
 
     def limits_m(
         self, objects: ObjectPoints, displacements: NDArray[np.float32]

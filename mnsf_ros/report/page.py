@@ -4,6 +4,7 @@
 import base64
 from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,12 +13,11 @@ import jinja2
 from mnsf_ros import __version__
 from mnsf_ros.drawing.color_wheel import FULL_ERROR_M
 from mnsf_ros.drawing.street_picture import ABOVE_M
-from mnsf_ros.drawing.svg import color_of
 from mnsf_ros.evaluation.pictures import ANIMATION, picture_file, worst_name
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.scoring import ResultRow
-from mnsf_ros.report.plots import plots_of
+from mnsf_ros.report.plots import COLORS, plots_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import best_cells, missed_tables
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -51,7 +51,7 @@ def write_report(folder: RunFolder, results: RunResults) -> Path:
         results=results,
         animation=next(_images(folder.path, results.focus, first), None),
         plots=list(plots_of(results.summary)),
-        colors={name: color_of(place) for place, name in enumerate(results.summary.index)},
+        colors=dict(zip(results.summary.index, cycle(COLORS), strict=False)),
         missed=missed_tables(results.table["row"], results.focus),
         best_of=partial(best_cells, references=results.record.references),
         pictures=list(_images(folder.path, results.focus, worst)),

@@ -34,25 +34,15 @@ _STARTS: Final = {
 
 @dataclass(frozen=True, eq=False)
 class PreparedTriplet:
-    """A triplet between the two halves of its estimate; never changed.
+    """A triplet between the two halves of its estimate; never changed."""
 
-    Attributes:
-        triplet: The triplet, in the frame of the sensor.
-        levelled: The same as the method gets it.
-        estimator: The one that prepared it, and estimates.
-        settings: Of the stream at that time.
-        start: Why the estimator began with an earlier triplet, or with this one.
-        content: The preparation; None if the estimator prepares nothing.
-        error: Why there is no flow for it.
-    """
-
-    triplet: SweepTriplet
-    levelled: SweepTriplet
-    estimator: SceneFlowEstimator
-    settings: Settings
-    start: Start
-    content: Any = None
-    error: BaseException | None = None
+    triplet: SweepTriplet  # in the frame of the sensor
+    levelled: SweepTriplet  # the same as the method gets it
+    estimator: SceneFlowEstimator  # the one that prepared it, and estimates
+    settings: Settings  # of the stream at that time
+    start: Start  # why the estimator began with an earlier triplet, or with this one
+    content: Any = None  # the preparation; None if the estimator prepares nothing
+    error: BaseException | None = None  # why there is no flow for it
 
     @property
     def is_prepared(self) -> bool:
@@ -165,28 +155,23 @@ class Stream:
         An error is kept until it is the triplet's turn.
         """
         settings, content, failure = self.settings, None, None
-        # Predictions of other programs are in the frame of the sensor.
-        levelled = triplet if self.traits.is_external else triplet.levelled
         self._break = self._break_before(triplet, settings) or self._break
         self._last, self._prepared_with = triplet, settings
-        if self._break is Start.COLD_FRAME:
-            self.rotation.forget()
-        elif self._break is not None:
-            self.rotation.forget_places()
-        is_timed = settings.time.field == "auto" and settings.ego_motion.deskew
-        is_timed &= not self.traits.is_external
-        if is_timed and self.rotation.is_found:
-            levelled = levelled.changed(self.rotation.timed)
+        if self._break is not None:
+            self.rotation.begin(self._break)
+        # Predictions of other programs are in the frame of the sensor.
+        levelled = triplet if self.traits.is_external else triplet.levelled
+        levelled = self.rotation.timed(levelled, settings)
         try:
             if self._break is not None:
                 self._estimator = self._renewed(settings)
                 self._start, self._break = self._break, None
             if isinstance(self._estimator, PreparingEstimator):
                 content = self._estimator.prepare(levelled)
-                if is_timed and isinstance(content, PreparedSweeps):
-                    last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
-                    if self.rotation.learn(last, newest, settings.ego_motion):
-                        self._break = Start.COLD_TIMES
+            if isinstance(content, PreparedSweeps):
+                last, newest = ((each.input, each.pose) for each in content.of_triplet[-2:])
+                if self.rotation.learn(last, newest, settings):
+                    self._break = Start.COLD_TIMES
         except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
             failure = error
         return PreparedTriplet(

@@ -10,8 +10,7 @@ from mnsf_ros.evaluation.metrics import ERRORS
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.tables import errors_table
-from mnsf_ros.studies.study import StudyOptions, StudyResult
-from mnsf_ros.studies.variants import evaluated, texts_on
+from mnsf_ros.studies.study import StudyOptions, StudyResult, texts_on
 
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 
@@ -61,7 +60,7 @@ def run(name: str, options: StudyOptions) -> StudyResult:
         OSError: Writing fails.
     """
     _, variants = _STUDIES[name]
-    results = evaluated(variants.values(), options.evaluation, options.recordings, options)
+    results = options.evaluated(variants.values(), options.evaluation, options.recordings)
     return _result(_STUDIES[name], results.summary, texts_on(results), results.record.options)
 
 

@@ -9,13 +9,11 @@ from typing import Final
 import pandas as pd
 
 from mnsf_ros.drawing.charts import curves
-from mnsf_ros.evaluation.scoring import ResultRow
 from mnsf_ros.presets import settings_for
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
 from mnsf_ros.studies.settings import CaseStudySettings, numbers_of
-from mnsf_ros.studies.study import StudyOptions, StudyResult
-from mnsf_ros.studies.variants import evaluated, texts_on
+from mnsf_ros.studies.study import StudyOptions, StudyResult, texts_on
 
 _TITLE: Final = "Warm start: errors over the sweeps since the start"
 _LIVE: Final = "mnsf/mnsf"
@@ -38,16 +36,11 @@ def run(_name: str, options: StudyOptions) -> StudyResult:
     evaluation = replace(options.evaluation, settings=settings, num_points=0)
     families = _families(options.case)
     variants = {name: method for own in families.values() for name, method in own.items()}
-    results = evaluated(variants.values(), evaluation, options.recordings[:1], options)
-    names = {method: name for name, method in variants.items()}
-    rows = [row for row in results.table["row"] if row.method in names]
-    numbers = pd.concat(
-        _numbers_of(name, [row for row in rows if row.method == method])
-        for name, method in variants.items()
-    )
+    results = options.evaluated(variants.values(), evaluation, options.recordings[:1])
+    numbers = _numbers(results.table, variants)
     texts = [_text(settings), *texts_on(results)]
     tables = [_table(numbers, group) for group in _GROUPS]
-    title = f"Warm start, and from scratch: {rows[0].recording}"
+    title = f"Warm start, and from scratch: {options.recordings[0].name}"
     picture = _picture(title, numbers, families)
     return StudyResult(_TITLE, texts, tables, numbers, evaluation, picture)
 
@@ -78,18 +71,19 @@ def _text(settings: Settings) -> str:
     )
 
 
-def _numbers_of(name: str, rows: list[ResultRow]) -> pd.DataFrame:
-    """A line for each sweep of a variant."""
-    lines = []
-    for row in rows:
-        line: dict[str, object] = {"variant": name, "method": row.method, "sweep": row.number}
-        line["since_start"] = row.number - rows[0].number + 1
-        for group in _GROUPS:
-            errors = row.errors.get(group)
-            line[f"{group}_epe_m"] = errors.epe_m if errors else math.nan
-            line[f"{group}_num_points"] = errors.num_points if errors else 0
-        lines.append({**line, "time_ms": row.time_ms})
-    return pd.DataFrame(lines)
+def _numbers(table: pd.DataFrame, variants: Mapping[str, str]) -> pd.DataFrame:
+    """A line for each variant and sweep, from a table of rows."""
+    columns = {"variant": "variant", "method": "method", "number": "sweep", "since": "since_start"}
+    for group in _GROUPS:
+        columns[f"errors.{group}.epe_m"] = f"{group}_epe_m"
+        columns[f"errors.{group}.num_points"] = f"{group}_num_points"
+    columns["time_ms"] = "time_ms"
+    rows = pd.concat(table[table["method"] == m].assign(variant=n) for n, m in variants.items())
+    first = rows.groupby("variant")["number"].transform("first")
+    rows = rows.assign(since=rows["number"] - first + 1).reindex(columns=list(columns))
+    counts = {f"{group}_num_points": int for group in _GROUPS}
+    numbers = rows.rename(columns=columns)
+    return numbers.fillna(dict.fromkeys(counts, 0)).astype(counts)
 
 
 def _table(numbers: pd.DataFrame, group: str) -> TextTable:

@@ -8,6 +8,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.sweeps.sweep import NOT_TILTED
 
 # Cells span a few beams of common sensors. Those above and below that are empty, as between few
 # beams, are passed over, up to this far.
@@ -28,42 +30,57 @@ class RangeView:
 
     What is seen at a flat angle, a wall along the way or the ground, is far apart from beam to
     beam: a place is free only if it is in front of the returns of neighbouring beams, too.
+
+    Directions are in the axes of the beams: in those, the edges of what a tilted lidar sees are
+    even.
     """
 
-    def __init__(self, xyz: NDArray[np.float32]) -> None:
-        """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
-        self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
+    def __init__(
+        self, xyz: NDArray[np.float32], beams_from_sensor: NDArray[np.float64] = NOT_TILTED
+    ) -> None:
+        """Makes the range image of points (N, 3), metres, sensor frame, of beams at (3, 3)."""
+        self._beams_from_sensor = beams_from_sensor
+        self._nearest = _nearest(*self._directions(xyz))
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
-        self._beside = _beside(is_seen)
+        self._above_or_below, self._beside = _above_or_below(is_seen), _beside(is_seen)
+
+    def _directions(
+        self, places: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Returns (P,) cell and range of places (P, 3), metres, sensor frame."""
+        return _directions(in_axes_of_beams(places, self._beams_from_sensor))
 
     def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
 
         Directions without a return around say nothing.
         """
-        cells, ranges = _directions(np.ascontiguousarray(positions))
+        cells, ranges = self._directions(positions)
         around = self._nearest_around[cells]
         return np.isfinite(around) & (around > ranges + _margins(ranges))
 
     def are_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
-        cells, ranges = _directions(np.ascontiguousarray(positions))
+        cells, ranges = self._directions(positions)
         return self._nearest[cells] + _margins(ranges) < ranges
 
-    def are_beside(self, positions: NDArray[np.float32], *others: "RangeView") -> NDArray[np.bool_]:
-        """Returns (P,) from the azimuths of which places (P, 3) nothing returns in all views."""
-        beside = np.logical_and.reduce([view._beside for view in (self, *others)])
-        if not beside.any():
-            return np.zeros(len(positions), np.bool_)
-        return np.asarray(beside[azimuths_of(positions)])
+    def are_out(self, positions: NDArray[np.float32], other: "RangeView") -> NDArray[np.bool_]:
+        """Returns (P,) which places (P, 3) are out of view.
+
+        They are above or below all beams, or at an azimuth from which nothing returns in both
+        views.
+        """
+        cells, _ = self._directions(positions)
+        beside = self._beside & other._beside
+        return self._above_or_below[cells // NUM_AZIMUTHS] | beside[cells % NUM_AZIMUTHS]
 
     def limits_m(
         self, positions: NDArray[np.float32], other: "RangeView", reach_m: float, hidden_m: float
     ) -> NDArray[np.float32]:
         """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
-        Nobody can have seen places that are hidden, or beside both views.
+        Nobody can have seen places that are hidden or out of view.
 
         Args:
             positions: (P, 3) metres, sensor frame.
@@ -71,10 +88,9 @@ class RangeView:
             reach_m: The limit of other places.
             hidden_m: That of places that nobody can have seen.
         """
-        beside = self._beside & other._beside
+        out = self._above_or_below, self._beside & other._beside
         limits = np.float32(reach_m), np.float32(hidden_m)
-        own = np.ascontiguousarray(positions)
-        return _limits(own, self._nearest, beside, *limits)
+        return _limits(*self._directions(positions), self._nearest, *out, *limits)
 
 
 def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -83,9 +99,27 @@ def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(~sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1))
 
 
+def _above_or_below(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns (E,) which elevations are above or below all cells (E, A) with a return."""
+    seen = np.flatnonzero(is_seen.any(axis=1))
+    out = np.ones(len(is_seen), np.bool_)
+    if len(seen):
+        out[seen[0] : seen[-1] + 1] = False
+    return out
+
+
 def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
     """Returns (N,) the azimuth of points (N, 3), sensor frame, as a cell from 0 to 719."""
     return _directions(np.ascontiguousarray(xyz))[0] % NUM_AZIMUTHS
+
+
+def in_axes_of_beams(
+    xyz: NDArray[np.float32], beams_from_sensor: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Returns points (N, 3), sensor frame, in the axes of its beams, see `Sweep`."""
+    if np.array_equal(beams_from_sensor, NOT_TILTED):
+        return np.ascontiguousarray(xyz)
+    return turned(xyz, beams_from_sensor)
 
 
 @compiled("float32[::1](float32[::1])")
@@ -132,22 +166,27 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
     return cells, ranges
 
 
-@compiled("float32[::1](float32[:, ::1], float32[::1], boolean[::1], float32, float32)")
+@compiled(
+    "float32[::1](int32[::1], float32[::1], float32[::1], boolean[::1], boolean[::1], float32,"
+    "float32)"
+)
 def _limits(
-    positions: NDArray[np.float32],
+    cells: NDArray[np.int32],
+    ranges: NDArray[np.float32],
     nearest: NDArray[np.float32],
+    above_or_below: NDArray[np.bool_],
     beside: NDArray[np.bool_],
     reach_m: np.float32,
     hidden_m: np.float32,
 ) -> NDArray[np.float32]:
     """Loop of `RangeView.limits_m`."""
-    cells, ranges = _directions(positions)
     margins = _margins(ranges)
-    limits = np.empty(len(positions), np.float32)
-    for row in range(len(positions)):
+    limits = np.empty(len(cells), np.float32)
+    for row in range(len(cells)):
         cell = cells[row]
+        up, across = cell // NUM_AZIMUTHS, cell % NUM_AZIMUTHS
         is_hidden = nearest[cell] + margins[row] < ranges[row]
-        is_unseen = is_hidden or beside[cell % NUM_AZIMUTHS]
+        is_unseen = is_hidden or beside[across] or above_or_below[up]
         limits[row] = hidden_m if is_unseen else reach_m
     return limits
 

@@ -17,6 +17,9 @@ from mnsf_ros.sweeps.mounting import Mounting
 NANOSECONDS = 1_000_000_000
 # Interval of most lidars, where stamps are missing.
 USUAL_INTERVAL_S = 0.1
+# (3, 3), of beams that turn about the z of the sensor's frame.
+NOT_TILTED = np.eye(3)
+NOT_TILTED.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Sweep:
         mounting: How the sensor is mounted; None if unknown, or level.
         turn_rates: (K, 4) float64, turn rates by an IMU in the order of time, from before the sweep
             to its end: seconds from the stamp, then rad/s about x, y and z. None without an IMU.
-        beam_axis: (3,) unit vector, the axis that the beams turn about.
+        beams_from_sensor: (3, 3) rotation to axes of which z is what the beams turn about.
     """
 
     xyz: NDArray[np.float32]
@@ -48,7 +51,7 @@ class Sweep:
     times_s: NDArray[np.float32] | None = None
     mounting: Mounting | None = None
     turn_rates: NDArray[np.float64] | None = None
-    beam_axis: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    beams_from_sensor: NDArray[np.float64] = field(default_factory=lambda: NOT_TILTED)
 
     def __post_init__(self) -> None:
         """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
@@ -99,7 +102,7 @@ class Sweep:
             xyz=transformed(self.xyz, mounting.level_from_sensor),
             odometry=None if odometry is None else odometry @ mounting.sensor_from_level,
             mounting=None,
-            beam_axis=mounting.level_from_sensor[:3, :3] @ self.beam_axis,
+            beams_from_sensor=self.beams_from_sensor @ mounting.sensor_from_level[:3, :3],
         )
         return levelled.turning(self.turn_rates, mounting.level_from_sensor)
 

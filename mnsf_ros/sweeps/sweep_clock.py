@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from mnsf_ros.geometry.point_grid import PointGrid
-from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
+from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of, in_axes_of_beams
+from mnsf_ros.sweeps.sweep import NOT_TILTED
 
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
@@ -29,22 +30,29 @@ class SweepClock:
         times_s: (720,) float64, seconds from the stamp to when each azimuth was first measured.
         is_again: (N,) bool, the points that were measured after a full revolution.
         revolution_s: Seconds from the first to the second view of a point.
+        beams_from_sensor: (3, 3) rotation to the axes in which azimuths are.
     """
 
     times_s: NDArray[np.float64]
     is_again: NDArray[np.bool_]
     revolution_s: float
+    beams_from_sensor: NDArray[np.float64]
 
     @classmethod
-    def of(cls, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> "SweepClock | None":
-        """Returns the clock of points (N, 3), metres, with times (N,).
+    def of(
+        cls,
+        xyz: NDArray[np.float32],
+        times_s: NDArray[np.float32],
+        beams_from_sensor: NDArray[np.float64] = NOT_TILTED,
+    ) -> "SweepClock | None":
+        """Returns the clock of points (N, 3), metres, with times (N,), of beams at (3, 3).
 
         None if nothing turns, and for the merged cloud of several lidars: their sweeps are no
         second views of each other.
         """
         if len(xyz) == 0:
             return None
-        cells = azimuths_of(xyz)
+        cells = azimuths_of(in_axes_of_beams(xyz, beams_from_sensor))
         span_s = float(times_s.max()) - float(times_s.min())
         first: NDArray[np.float32] = np.full(NUM_AZIMUTHS, np.inf, np.float32)
         np.minimum.at(first, cells, times_s)
@@ -64,11 +72,12 @@ class SweepClock:
         revolution_s = 0.0
         if is_again.any():
             revolution_s = float(np.median(times_s[is_again] - means[cells[is_again]]))
-        return cls(means[_nearest_filled(counts > 0)], is_again, revolution_s)
+        times_by_azimuth_s = means[_nearest_filled(counts > 0)]
+        return cls(times_by_azimuth_s, is_again, revolution_s, beams_from_sensor)
 
     def times_of(self, positions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (P,) seconds from the stamp to when places (P, 3) were measured first."""
-        return self.times_s[azimuths_of(positions)]
+        return self.times_s[azimuths_of(in_axes_of_beams(positions, self.beams_from_sensor))]
 
     def owners_again(
         self,

@@ -2,6 +2,7 @@
 """PointCloud2 to sweep, and flow to PointCloud2, for live and recorded messages."""
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -27,22 +28,47 @@ _NUM_STAMPS: Final = 8
 
 @dataclass(frozen=True, eq=False)
 class CloudSource:
-    """The cloud of a sweep."""
+    """The cloud of a sweep, or the clouds of the parts of its revolution, one after the other."""
 
-    message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes
-    measured: NDArray[np.bool_]  # (height * width,) points of the message that are in the sweep
+    message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes; None if not kept
+    measured: NDArray[np.bool_]  # (height * width,) points of the cloud that are in the sweep
     times: PointTimes  # of these points
     is_stamped: bool = True  # whether the message has a stamp
     num_untimed: int = 0  # points that were left out because their time is outside the sweep
+    recording: str = ""  # its name
+    parts: Sequence[Sweep] = ()  # each with its cloud, if several
+
+    @property
+    def num_points(self) -> int:
+        """Number of points of the cloud, also of those that are not in the sweep."""
+        return len(self.measured)
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """(N,) row in the cloud of each point of the sweep."""
+        return np.flatnonzero(self.measured)
 
     @property
     def rings(self) -> NDArray[np.integer[Any]] | None:
         """(N,) number of the beam of each point of the sweep; None if unknown."""
+        if self.message is None:
+            return joined_rings(self.parts) if self.parts else None
         points = decode_points(self.message).reshape(-1)
         names = [name for name in _RING_FIELDS if name in (points.dtype.names or ())]
         if not names or points.dtype[names[0]].kind not in "iu":
             return None
         return np.compress(self.measured, points[names[0]])
+
+    @property
+    def without_messages(self) -> "CloudSource":
+        """For sweeps that are kept for long: messages have megabytes."""
+        return replace(self, message=None, parts=())
+
+
+def joined_rings(sweeps: Sequence[Sweep]) -> NDArray[np.integer[Any]] | None:
+    """Returns (N,) the number of the beam of each point, if all sweeps know them."""
+    known = [rings for sweep in sweeps if (rings := sweep.rings) is not None]
+    return np.concatenate(known) if len(known) == len(sweeps) else None
 
 
 class CloudReader:

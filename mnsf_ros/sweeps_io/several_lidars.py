@@ -14,7 +14,7 @@ from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import LidarsSettings
 from mnsf_ros.sweeps.mounting import Mounting
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from mnsf_ros.sweeps_io.flow_cloud import CloudSource
+from mnsf_ros.sweeps_io.flow_cloud import CloudSource, joined_rings
 from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.point_times import PointTimes
 
@@ -245,12 +245,6 @@ def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> NDArray[np.float32] 
         for sweep in sweeps
     ]
     return np.concatenate(parts).astype(np.float32)
-
-
-def joined_rings(sweeps: Sequence[Sweep]) -> NDArray[np.integer[Any]] | None:
-    """Returns (N,) the number of the beam of each point, if all sweeps know them."""
-    known = [rings for sweep in sweeps if (rings := sweep.rings) is not None]
-    return np.concatenate(known) if len(known) == len(sweeps) else None
 
 
 def _intensity(sweep: Sweep) -> NDArray[np.float32] | None:

@@ -20,6 +20,7 @@ def test_a_world_is_scored(score):
     assert 0 < score.figures["recall"] < 1
     assert 0 < score.figures["static EPE"] < score.figures["dynamic EPE"]
     assert {is_scratch for _, is_scratch in score.confidence} == {False, True}
+    assert 0 < score.figures["ego motion"] < 0.02
 
 
 def test_recall_counts_where_precision_is_high_enough(load):

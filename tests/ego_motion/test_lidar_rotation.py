@@ -12,6 +12,7 @@ from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.azimuth_times import AzimuthTimes, times_in_order
+from mnsf_ros.sweeps.sweep import Start, SweepTriplet
 
 
 def drive(speed_m_s, *, is_corrected=False, is_reversed=False):
@@ -33,7 +34,7 @@ def rotation(speed_m_s, **how):
     sweeps = [(replace(sweep, times_s=None), at) for sweep, at in drive(speed_m_s, **how)]
     for last, newest in pairwise(sweeps):
         was_found = bool(found.is_found)
-        is_news = found.learn(last, newest, Settings().ego_motion)
+        is_news = found.learn(last, newest, Settings())
         assert is_news == (bool(found.is_found) and not was_found)
     return found
 
@@ -42,12 +43,16 @@ def test_times_follow_the_order_of_the_points_of_a_lidar_that_turns():
     found = rotation(15.0)
     assert found.is_found
     sweep, _ = next(drive(15.0))
-    without = replace(sweep, times_s=None)
-    timed = found.timed(without)
-    assert timed is found.timed(without)
-    assert found.timed(sweep) is sweep
-    assert np.median(np.abs(timed.times_s - (sweep.times_s - 0.05))) < 0.002
-    found.forget()
+    triplet = SweepTriplet(None, replace(sweep, times_s=None), sweep)
+    timed = found.timed(triplet, Settings())
+    assert timed.current is found.timed(triplet, Settings()).current
+    assert timed.next is sweep
+    assert np.median(np.abs(timed.current.times_s - (sweep.times_s - 0.05))) < 0.002
+    for changes in ({"time.field": "none"}, {"ego_motion.deskew": False}):
+        assert found.timed(triplet, Settings().changed(changes)) is triplet
+    found.begin(Start.COLD_GAP)
+    assert found.is_found
+    found.begin(Start.COLD_FRAME)
     assert found.is_found is None
 
 

@@ -18,12 +18,13 @@ from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder, to_json
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
-from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import CloudSource
 from msg_utils.point_cloud2 import encode_columns
+from msg_utils.point_times import PointTimes
 
 SESSION = session_now(["mnsf"])
 FIRST_NS = 1_700_000_000_000_000_000
@@ -71,7 +72,8 @@ def truth(index, num_points=60, *, valid=True):
 
 def sweep(index, num_points=60, frame_id="lidar"):
     """A sweep as the recording gives it."""
-    source = CloudRows(np.arange(num_points), num_points, "drive")
+    measured = np.ones(num_points, bool)
+    source = CloudSource(None, measured, PointTimes(None), recording="drive")
     return Sweep(xyz(index, num_points), stamp(index), frame_id, source)
 
 

@@ -6,20 +6,26 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.methods.external_flow import PredictionFiles
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import CloudSource
+from msg_utils.point_times import PointTimes
 
 ROWS = np.array([2, 3, 5])
 FLOW = np.arange(24, dtype=np.float64).reshape(8, 3)
+
+
+def source_in(recording):
+    measured = np.isin(np.arange(8), ROWS)
+    return CloudSource(None, measured, PointTimes(None), recording=recording)
 
 
 @pytest.fixture
 def triplet():
     """A sweep of three points from a cloud of eight."""
     sweeps = [small.sweep(index, 3) for index in range(3)]
-    source = CloudRows(ROWS, 8, "logs/drive")
+    source = source_in("logs/drive")
     return SweepTriplet(sweeps[0], replace(sweeps[1], source=source), sweeps[2])
 
 
@@ -38,7 +44,7 @@ def test_npz_has_a_row_for_each_point_of_the_cloud(tmp_path, triplet):
         ("/logs/drive", FLOW + 1),
         ("../logs/drive", FLOW + 1),
     ):
-        source = CloudRows(ROWS, 8, name)
+        source = source_in(name)
         found = estimate(
             tmp_path, replace(triplet, current=replace(triplet.current, source=source))
         )

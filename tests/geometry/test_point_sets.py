@@ -7,8 +7,8 @@ import pytest
 from mnsf_ros.geometry.point_sets import bounds, chosen_points, thinned
 
 
-def points(number, seed=0):
-    return np.random.default_rng(seed).normal(0, 8, (number, 3)).astype(np.float32)
+def points(number, num_columns=3):
+    return np.random.default_rng(0).normal(0, 8, (number, num_columns)).astype(np.float32)
 
 
 @pytest.mark.parametrize("number", [0, 1, 1000])
@@ -24,21 +24,21 @@ def test_chosen_points_are_those_of_the_mask(number, share):
         assert bounds(xyz) == pytest.approx(expected)
 
 
-def plain(xyz, cell_m):
+def plain(rows, cell_m):
     cells = {}
-    for point in xyz:
-        key = tuple(np.floor(point.astype(np.float64) * (1 / cell_m))[::-1])
-        cells.setdefault(key, []).append(point.astype(np.float64))
-    means = [np.sum(points, axis=0) / len(points) for _, points in sorted(cells.items())]
-    return np.array(means).reshape(-1, 3).astype(np.float32)
+    for row in rows.astype(np.float64):
+        cells.setdefault(tuple(np.floor(row[2::-1] * (1 / cell_m))), []).append(row)
+    means = [np.sum(own, axis=0) / len(own) for _, own in sorted(cells.items())]
+    return np.array(means).reshape(-1, rows.shape[1]).astype(np.float32)
 
 
 @pytest.mark.parametrize("cell_m", [0.02, 0.3, 5.0])
 @pytest.mark.parametrize("number", [0, 1, 3000])
-def test_means_come_in_the_order_of_the_cells(number, cell_m):
-    xyz = points(number)
-    np.testing.assert_allclose(thinned(xyz, cell_m), plain(xyz, cell_m), rtol=1e-6)
-    np.testing.assert_array_equal(thinned(xyz[::2], cell_m), thinned(xyz[::2].copy(), cell_m))
+@pytest.mark.parametrize("num_columns", [3, 5])
+def test_means_come_in_the_order_of_the_cells(number, num_columns, cell_m):
+    rows = points(number, num_columns)
+    np.testing.assert_allclose(thinned(rows, cell_m), plain(rows, cell_m), rtol=1e-6)
+    np.testing.assert_array_equal(thinned(rows[::2], cell_m), thinned(rows[::2].copy(), cell_m))
 
 
 def test_far_places_are_in_the_outermost_cells():

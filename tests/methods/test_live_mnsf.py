@@ -8,15 +8,16 @@ from functools import cache
 from itertools import pairwise
 from types import SimpleNamespace
 
+import driving_car
 import numpy as np
 import pytest
 import torch
-from box_street import BoxStreet, pose, stamp_ns, triplets_of
+from box_street import stamp_ns, triplets_of
+from driving_car import FAST, is_of_car, of_car, truth
 
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
-from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.methods import live_fit, live_mnsf, make_method
 from mnsf_ros.networks import optimization
 from mnsf_ros.networks.target_distance import TargetDistance
@@ -24,25 +25,16 @@ from mnsf_ros.presets import preset
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 
-STREET = BoxStreet()
 # The boxes have fewer points than real objects.
 SETTINGS = preset("mnsf").changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
 # Where it is not about the flow.
 SHORT = SETTINGS.changed({"live.first_iterations": 10})
-POINTS_PER_CAR = 400
 # Over the ground, metres per tenth of a second.
-FAST, SLOW = (0.8, 0.05), (0.4, 0.0)
+SLOW = (0.4, 0.0, 0.0)
 STAGES = ["forward", "backward", "fusion"]
 
 
-def path(index):
-    return pose(0.6 * index, yaw_deg=1.0 * index)
-
-
-@cache
-def sweep(index, velocity=FAST):
-    car = np.array([8.0, -2.0]) + index * np.asarray(velocity)
-    return STREET.sweep(path(index), index, cars=[car], points_per_box=POINTS_PER_CAR)
+sweep = cache(driving_car.sweep)
 
 
 def triplet(*indices, velocity=FAST, **how):
@@ -62,21 +54,13 @@ def estimate(triplet, cancelled=never, **changes):
     return estimator_of(**changes).estimate(triplet, cancelled)
 
 
-def of_car(sweep):
-    """(N,) the points of the car that are too high above the road for ground."""
-    return (np.arange(len(sweep)) >= len(sweep) - POINTS_PER_CAR) & (sweep.xyz[:, 2] > -1.4)
-
-
 def assert_right(result, indices, velocity=FAST, limit_m=0.05):
     """The car moves and all else stands still, up to some centimetres."""
     _, index, next_index = indices
-    current, motion = sweep(index, velocity), np.zeros((len(result.flow), 3))
-    car, known = of_car(current), result.over_ground
-    motion[car] = (next_index - index) * np.append(velocity, 0) @ path(index)[:3, :3]
-    next_from_current = np.linalg.inv(path(next_index)) @ path(index)
-    expected = rigid_flow(current.xyz + motion, next_from_current) + motion
+    current = sweep(index, velocity)
+    car, rest, known = of_car(current), ~is_of_car(current), result.over_ground
+    expected, _ = truth(index, next_index, current, velocity)
     errors_m = np.linalg.norm(result.flow - expected, axis=1)
-    rest = np.arange(len(current)) < len(current) - POINTS_PER_CAR
     assert errors_m[car].max() < limit_m
     assert errors_m[rest].max() < 0.02
     assert known.dynamic[car].all()

@@ -8,30 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_street import BoxStreet, pose, stamp_ns, triplets_of, unrelated_sweep
+from box_street import pose, stamp_ns, triplets_of, unrelated_sweep
+from driving_car import FAST, STREET, is_of_car, of_car, path, sweep, truth
 
 from mnsf_ros.core.flow_estimate import Effort
 from mnsf_ros.errors import CancelledError, SweepError
-from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.online.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 
-STREET = BoxStreet()
 # The boxes have fewer points than real objects.
 SETTINGS = Settings().changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
-POINTS_PER_CAR = 400
-# Over the ground, metres per tenth of a second.
-VELOCITY = np.array([0.8, 0.05, 0.0])
-
-
-def path(index):
-    return pose(0.6 * index, yaw_deg=1.0 * index)
-
-
-def sweep(index, velocity=VELOCITY, **how):
-    car = np.array([8.0, -2.0]) + index * np.asarray(velocity)[:2]
-    return STREET.sweep(path(index), index, cars=[car], points_per_box=POINTS_PER_CAR, **how)
 
 
 def drive(*indices, **how):
@@ -46,26 +33,12 @@ def estimate(triplet, **changes):
     return ObjectFlowEstimator(SETTINGS.changed(changes)).estimate(triplet)
 
 
-def of_car(sweep):
-    """(N,) the points of the car that are too high above the road for ground."""
-    height_m = sweep.xyz[:, 2] + 1.8
-    return (np.arange(len(sweep)) >= len(sweep) - POINTS_PER_CAR) & (height_m > 0.4)
-
-
-def truth(index, next_index, sweep, velocity=VELOCITY):
-    """(N, 3) true flow and true motion over ground."""
-    motion = np.zeros((len(sweep), 3))
-    motion[of_car(sweep)] = (next_index - index) * np.asarray(velocity) @ path(index)[:3, :3]
-    next_from_current = np.linalg.inv(path(next_index)) @ path(index)
-    return rigid_flow(sweep.xyz + motion, next_from_current) + motion, motion
-
-
-def assert_right(result, current, index, next_index, velocity=VELOCITY):
+def assert_right(result, current, index, next_index, velocity=FAST):
     """Flow, mask and motion over ground are right to a few centimetres."""
     car, known = of_car(current), result.over_ground
     flow, motion = truth(index, next_index, current, velocity)
     # What of the car is lower than 0.4 m may count as ground or not.
-    rest = np.arange(len(current)) < len(current) - POINTS_PER_CAR
+    rest = ~is_of_car(current)
     assert known.dynamic[car].all()
     assert known.dynamic[rest].mean() < 0.01
     errors_m = np.linalg.norm(result.flow - flow, axis=1)
@@ -79,7 +52,7 @@ def assert_right(result, current, index, next_index, velocity=VELOCITY):
 
 @pytest.mark.parametrize(
     "velocity",
-    [VELOCITY, (0.3, 0, 0), (-1.2, 0.1, 0), (2.5, 0, 0), (0.0, 0.15, 0)],
+    [FAST, (0.3, 0, 0), (-1.2, 0.1, 0), (2.5, 0, 0), (0.0, 0.15, 0)],
     ids=["as fast", "slow", "oncoming", "very fast", "crossing"],
 )
 def test_ego_motion_and_one_car_are_told_apart(velocity):

@@ -9,7 +9,10 @@ from box_street import BoxStreet, pose
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.core.reason import Verdict
+from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.settings import Settings
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -123,3 +126,37 @@ def test_another_mounting_begins_anew():
     stream.change_settings(stream.settings.changed({"lidar_1.roll_deg": 90.0}))
     assert stream.add(SWEEPS[3]).value == "frame_changed"
     assert stream.triplet is None
+
+
+class Tilted:
+    """The way of a robot, of which the lidar is pitched down."""
+
+    def __init__(self, ego, pitch_deg):
+        self._ego, self._pitched = ego, tilt(np.deg2rad(pitch_deg), 0.0)
+
+    def world_from_sensor(self, time_s):
+        return self._ego.world_from_sensor(time_s) @ self._pitched
+
+    def __getattr__(self, name):
+        return getattr(self._ego, name)
+
+
+def test_what_leaves_the_slanting_view_of_a_tilted_lidar_does_not_move():
+    """In the level frame the edges of its view cut walls aslant, and travel along with it."""
+    simulator = SweepSimulator(
+        SimulationSettings(seed=3, duration_s=1.6, num_beams=32, num_columns=900)
+    )
+    simulator.scene = replace(simulator.scene, ego=Tilted(simulator.scene.ego, 20.0))
+    true = list(simulator)
+    sweeps = [Sweep(one.xyz.astype(np.float32), one.truth.stamp_ns) for one in true]
+    mounting = {"lidars.poses": "parameters", "lidar_1.pitch_deg": 20.0}
+    found, _ = estimates(sweeps, mounting)
+    called, moves = (
+        np.concatenate(each)
+        for each in (
+            [one.over_ground.dynamic for one in found[5:]],
+            [one.truth.dynamic for one in true[6:-1]],
+        )
+    )
+    assert called[moves].mean() > 0.85
+    assert np.count_nonzero(called & ~moves) < 0.01 * np.count_nonzero(moves)

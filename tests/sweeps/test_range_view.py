@@ -1,11 +1,13 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Places that a sweep knows nothing of: behind surfaces, and beside its view."""
+"""Places that a sweep knows nothing of: behind surfaces, and out of its view."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.sweeps.range_view import RangeView
 
 AROUND = np.arange(0.0, 360.0, 0.4)
@@ -24,8 +26,8 @@ def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
 )
 def test_beside_its_view_a_sensor_sees_nothing(azimuth_deg, is_beside):
     view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(-40.0, 40.0, 0.4)))
-    assert view.are_beside(rings([0.0], [azimuth_deg], range_m=5.0)) == is_beside
-    assert view.are_beside(rings([25.0], [azimuth_deg], range_m=20.0)) == is_beside
+    assert view.are_out(rings([0.0], [azimuth_deg], range_m=5.0), view) == is_beside
+    assert view.are_out(rings([5.0], [azimuth_deg], range_m=20.0), view) == is_beside
 
 
 def test_what_can_be_seen_limits_how_far_off_a_point_may_be():
@@ -47,11 +49,27 @@ def test_what_can_be_seen_limits_how_far_off_a_point_may_be():
 
 
 def test_nothing_returned():
-    view, nothing = RangeView(rings([0.0])), RangeView(rings([]))
+    nothing = RangeView(rings([]))
     assert nothing.limits_m(rings([0.0]), nothing, 0.5, 0.1) == pytest.approx(0.1)
-    assert nothing.limits_m(rings([0.0]), view, 0.5, 0.1) == pytest.approx(0.5)
 
 
 def test_an_azimuth_between_two_columns_is_in_view():
     view = RangeView(rings(np.arange(-12.5, 13.0), np.arange(0.0, 360.0, 2.0)))
-    assert not view.are_beside(rings([0.0], AROUND)).any()
+    assert not view.are_out(rings([0.0], AROUND), view).any()
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 20.0])
+@pytest.mark.parametrize(
+    ("elevation_deg", "is_out"), [(-16.5, True), (-11.5, False), (11.5, False), (16.5, True)]
+)
+def test_above_and_below_the_beams_a_tilted_sensor_sees_nothing(pitch_deg, elevation_deg, is_out):
+    beams_from_sensor = tilt(np.deg2rad(pitch_deg), 0.0)[:3, :3]
+    beams, places = rings(np.arange(-12.5, 13.0)), rings([elevation_deg], range_m=15.0)
+    view = RangeView(turned(beams, beams_from_sensor.T), beams_from_sensor)
+    places = turned(places, beams_from_sensor.T)
+    assert (view.are_out(places, view) == is_out).all()
+    limits = view.limits_m(places, view, reach_m=0.5, hidden_m=0.1)
+    # Those in view are behind the returns.
+    assert limits == pytest.approx(0.1)
+    limits = view.limits_m(places / 2, view, reach_m=0.5, hidden_m=0.1)
+    assert limits == pytest.approx(0.1 if is_out else 0.5)

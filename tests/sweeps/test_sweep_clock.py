@@ -10,6 +10,8 @@ import pytest
 from bent_sweeps import Turning
 
 from mnsf_ros.evaluation.metrics import end_point_errors
+from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -38,6 +40,16 @@ class TestClock:
         own = ~clock.is_again
         np.testing.assert_allclose(clock.times_of(2 * xyz[own]), times_s[own], atol=3e-4)
         assert clock.is_again.mean() == pytest.approx(max(0, 1 - 360 / degrees), abs=0.002)
+
+    def test_of_a_tilted_lidar_goes_by_the_azimuth_about_its_own_axis(self):
+        xyz, times_s = turning_points(360.0)
+        xyz[:, 2] = np.random.default_rng(0).uniform(-4, 4, len(xyz))
+        beams_from_sensor = tilt(np.deg2rad(30.0), 0.0)[:3, :3]
+        seen = turned(xyz, beams_from_sensor.T)
+        clock = SweepClock.of(seen, times_s, beams_from_sensor)
+        found_s = clock.times_of(2 * seen)
+        # At the seam, rounding decides.
+        np.testing.assert_allclose(found_s[10:-10], times_s[10:-10], atol=3e-4)
 
     def test_knows_the_time_of_a_revolution(self):
         clock = SweepClock.of(*turning_points(395.0))
