@@ -83,7 +83,5 @@ def test_error_names_the_array_or_says_how_many_points_are_left(scene, name, set
     text = f"{name}: got shape (3,) of float64, expected (N, 3) numbers"
     refused(text, **{**sweeps, name: [0.0, 1.0, 2.0]})
     for points in (np.zeros((0, 3)), np.ones((1, 3)), np.full((500, 3), 1e20)):
-        text = (
-            f"sweep 0: 0 of {len(points)} points are left after crop and ground removal, expected"
-        )
+        text = f"sweep at 0.000 s: 0 of {len(points)} points are left after crop and ground"
         refused(text, settings, **{**sweeps, name: points})

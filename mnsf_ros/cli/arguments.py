@@ -6,22 +6,23 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, TypeVar
 
 from mnsf_ros.cli.console import complain
-from mnsf_ros.errors import RecordingError, plain_text
+from mnsf_ros.errors import RecordingError, SettingsError, plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.setting import settings_of
+from mnsf_ros.setting import Setting, SettingValue, settings_of
 from mnsf_ros.settings import Settings, parse_assignments
 
 RESUME = "continue an interrupted run: repeat the command and add --resume"
 FORCE = "overwrite an existing recording"
-# Of declared settings without a unit in their name.
-_METAVARS = {int: "N", float: "X", str: "NAME"}
+# Of declared settings without a unit in their name; texts without choices are lists.
+_METAVARS = {int: "N", float: "X", str: "A,B,..."}
 _PRESETS = (
     "online: the node's; mnsf: the paper's networks, live; paper: MNSF as published, slow; "
     "authors: MNSF as in its authors' code"
 )
+ROS_NAME: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 Declared = TypeVar("Declared")
 
 
@@ -34,8 +35,8 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
-        """Ends the process with the usage and a message."""
-        super().error(plain_text(message))
+        """Raises a SettingsError of one line; the usage would hide it."""
+        raise SettingsError(f"{plain_text(message)}; see {self.prog} --help")
 
 
 class Arguments:
@@ -89,7 +90,7 @@ class Arguments:
             metavar = choices or setting.unit.upper() or _METAVARS[setting.kind]
             name = f"--{setting.name.replace('_', '-')} {metavar}"
             default = defaults.get(setting.name, setting.default)
-            self.value(name, setting.text, setting.kind, default)
+            self.value(name, setting.text, _value_of(setting), default)
 
     def existing(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
         """Adds an argument or option with paths, which must be there, as for `value`."""
@@ -147,16 +148,47 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
     return settings
 
 
-def number_within(least: float, most: float) -> Callable[[str], float]:
+def _value_of(setting: Setting) -> Callable[[str], SettingValue]:
+    """Returns a converter of text to a value of a setting, for `Arguments.value`."""
+
+    def value(text: str) -> SettingValue:
+        try:
+            return setting.parsed(text)
+        except SettingsError as error:
+            # argparse names the option.
+            reason = str(error).removeprefix(f"{setting.name}: ")
+            raise argparse.ArgumentTypeError(reason) from None
+
+    return value
+
+
+def number_within(
+    least: float, most: float, kind: Callable[[str], float] = float
+) -> Callable[[str], float]:
     """Returns a converter of text to a number within bounds, for `Arguments.value`."""
 
     def number(text: str) -> float:
         with suppress(ValueError):
-            if least <= float(text) <= most:
-                return float(text)
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected {least:g} to {most:g}")
+            if least <= kind(text) <= most:
+                return kind(text)
+        words = "" if kind is float else "a whole number from "
+        raise argparse.ArgumentTypeError(
+            f"got {text!r}, expected {words}{least:.12g} to {most:.12g}"
+        )
 
     return number
+
+
+def ros_name(text: str) -> str:
+    """Returns the name of a node or topic.
+
+    Raises:
+        argparse.ArgumentTypeError: ROS does not allow such a name.
+    """
+    if not ROS_NAME.fullmatch(f"/{text.strip('/')}"):
+        allowed = "letters, digits and _, such as /scene_flow"
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a name of {allowed}")
+    return text
 
 
 def existing_path(text: str) -> Path:

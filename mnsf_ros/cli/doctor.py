@@ -3,13 +3,18 @@
 
 import argparse
 import json
-import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.cli.arguments import Arguments, chosen_settings, existing_path, number_within
+from mnsf_ros.cli.arguments import (
+    ROS_NAME,
+    Arguments,
+    chosen_settings,
+    existing_path,
+    number_within,
+)
 from mnsf_ros.cli.console import Console, counting_progress
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.recordings import chosen_recordings
@@ -22,7 +27,6 @@ if TYPE_CHECKING:
 EXIT_FINDINGS: Final = 1
 _MARKS: Final = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 _MAX_NOTES: Final = 5
-_TOPIC: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _EPILOG: Final = """\
 Examples:
   mnsf doctor recording --points /lidar/points
@@ -67,13 +71,13 @@ def run_doctor(options: argparse.Namespace) -> int:
 
 def _is_topic(source: str) -> bool:
     """Whether a source may be a topic: what is there is none, nor what begins with a folder."""
-    if not _TOPIC.fullmatch(source) or Path(source).exists():
+    if not ROS_NAME.fullmatch(source) or Path(source).exists():
         return False
     return source.count("/") == 1 or not Path("/", source.split("/")[1]).is_dir()
 
 
 def _recording(source: str) -> Path:
-    if not Path(source).exists() and "/" not in source and _TOPIC.fullmatch(f"/{source}"):
+    if not Path(source).exists() and "/" not in source and ROS_NAME.fullmatch(f"/{source}"):
         raise RecordingError(f"{source}: no such file or folder (a topic: /{source})")
     return existing_path(source)
 

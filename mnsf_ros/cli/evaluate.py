@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.cli.arguments import RESUME, Arguments
+from mnsf_ros.cli.arguments import RESUME, Arguments, number_within
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
@@ -71,12 +71,12 @@ def _add_run_arguments(group: Arguments) -> None:
         "--out DIR", "folder for results (default: a new one named after recording and time)", Path
     )
     group.flag("--resume", RESUME)
-    group.value("--workers N", "processes to use", default=1)
+    group.value("--workers N", "processes to use", number_within(1, 1024, int), 1)
     group.value("--ray ADDRESS", "run on a Ray cluster; local starts one here")
     group.value(
         "--num-gpus G",
         "GPU share of each --ray task (default: 1 with compute.device=cuda, else 0)",
-        float,
+        number_within(0, 1024),
     )
 
 

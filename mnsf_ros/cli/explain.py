@@ -30,7 +30,9 @@ def add_explain(arguments: Arguments) -> str:
     arguments.existing("bag BAG", "recording")
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_s, required=True)
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
-    arguments.value("--picture FILE", "write the object in the other sweeps as a PNG file")
+    arguments.value(
+        "--picture FILE", "write the object in the other sweeps as a PNG file", _new_file
+    )
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.method()
@@ -55,6 +57,13 @@ def _place(text: str) -> tuple[float, float]:
     raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres")
 
 
+def _new_file(text: str) -> Path:
+    path = Path(text)
+    if path.is_dir() or not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a file in a folder that exists")
+    return path
+
+
 def run_explain(options: argparse.Namespace) -> int:
     """Prints the decision; returns the exit status."""
     from mnsf_ros.report.explanation import explain
@@ -70,5 +79,5 @@ def run_explain(options: argparse.Namespace) -> int:
     if options.picture and not picture:
         console.warn(f"{options.picture}: not written, there is no object at this place")
     elif picture and options.picture:
-        Path(options.picture).write_bytes(picture)
+        options.picture.write_bytes(picture)
     return status_of([recording])

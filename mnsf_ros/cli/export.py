@@ -90,8 +90,10 @@ def _export_argoverse2(
 ) -> None:
     name = _SUBMISSIONS[options.format]
     sweeps = getattr(options, name)
-    if sweeps is None or options.labels or options.key or (options.mask and options.index):
-        raise DatasetError(f"{options.format}: expected --{name}, not --key, --labels and others")
+    if sweeps is None:
+        raise DatasetError(f"{options.format}: --{name} is missing, the sweeps to write")
+    if options.labels or options.key or (options.mask and options.index):
+        raise DatasetError(f"{options.format}: takes --{name}, but no other option for files")
     from mnsf_ros.datasets.argoverse2_submission import submission_2023, submission_v3
 
     opened = submission_2023 if options.mask else submission_v3

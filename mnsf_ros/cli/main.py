@@ -17,7 +17,7 @@ from mnsf_ros.cli.arguments import Arguments, Parser
 from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory
 from mnsf_ros.core.compute_device import let_threads_sleep
-from mnsf_ros.errors import MnsfError, did_you_mean, is_caused_by
+from mnsf_ros.errors import MnsfError, did_you_mean, is_caused_by, reason
 
 # Name to summary and module, in the order of the help. The module of a command NAME has `add_NAME`,
 # which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
@@ -107,7 +107,8 @@ def run(arguments: list[str] | None = None) -> int:
             # The reader of the output has ended, such as `head`: the rest is discarded.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
-        complain(error)
+        file = getattr(error, "filename", None)
+        complain(error if file is None else f"{file}: {reason(error)}")
         return EXIT_USAGE
 
 

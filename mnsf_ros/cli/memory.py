@@ -16,6 +16,8 @@ from typing import Final
 from mnsf_ros.cli.arguments import Arguments
 
 _GB: Final = 10**9
+# What NumPy and SciPy reserve: with less, OpenBLAS asks for it again and again, without an end.
+_LEAST_GB: Final = 0.5
 # Limits of the container or service that the process runs in; without a limit: a word, or no file.
 _GROUP_LIMITS: Final = (
     Path("/sys/fs/cgroup/memory.max"),
@@ -44,7 +46,7 @@ def limited_memory(max_gb: float | None) -> Iterator[str]:
         For the user, the limit and the option that changes it.
     """
     before, most = resource.getrlimit(resource.RLIMIT_DATA)
-    num_bytes = machine_bytes() / 2 if max_gb is None else max_gb * _GB
+    num_bytes = max(machine_bytes() / 2, _LEAST_GB * _GB) if max_gb is None else max_gb * _GB
     limit = most if num_bytes == _INFINITE else int(num_bytes)
     if most != resource.RLIM_INFINITY:
         limit = min(limit, most)
@@ -67,6 +69,6 @@ def machine_bytes() -> int:
 
 def _gigabytes(text: str) -> float:
     with suppress(ValueError):
-        if float(text) > 0:
+        if float(text) >= _LEAST_GB:
             return float(text)
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected GB above 0, or inf")
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected {_LEAST_GB} GB or more, or inf")

@@ -62,9 +62,11 @@ def add_convert(arguments: Arguments) -> str:
     arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
     arguments.value("--first N", "first sweep, counted from 0", default=0)
     arguments.value("--count N", "number of sweeps (default: all)", int)
-    margin_m = TruthSettings.box_margin_m
     arguments.value(
-        "--box-margin M", "enlarge boxes by M metres in each dimension", default=margin_m
+        "--box-margin M",
+        "enlarge boxes by M metres in each dimension",
+        number_within(0, 10),
+        TruthSettings.box_margin_m,
     )
     arguments.flag("--unlabelled-static", "treat unlabelled points as static instead of as unknown")
     arguments.flag(
@@ -115,7 +117,7 @@ def run_play(options: argparse.Namespace) -> int:
     from mnsf_ros.node.play import play
 
     console = Console(stderr=True)
-    topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
+    topics = tuple(map(str.strip, options.topics.split(","))) if options.topics is not None else ()
     with open_recording(options.bag, console.warn) as reader:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)

@@ -96,6 +96,7 @@ def examined(
         for sweep in recorded_clouds(reader, recording.topics, settings, findings):
             end_ns = min(end_ns, sweep.stamp_ns + max_duration_s * NANOSECONDS)
             if sweep.stamp_ns > end_ns:
+                about["topic"] += f", examined: the first {max_duration_s:g} s"
                 break
             examiner.add(sweep)
     events = [f"{event.value}: {count:,}" for event, count in findings.counts.items()]

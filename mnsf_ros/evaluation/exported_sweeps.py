@@ -47,7 +47,7 @@ def exported_sweeps(
         result = estimated(stream, example).result
         estimate = result if isinstance(result, FlowEstimate) else None
         if estimate is None:
-            warn(f"no estimate at stamp {current.stamp_ns}: {result}")
+            warn(f"no estimate for the {current}: {result}")
         pose, motion = _poses(example, estimate)
         is_ground = ground_mask(current.xyz, ground) if truth is None else truth.ground
         interval_s = example.triplet.interval_s
@@ -65,7 +65,7 @@ def _poses(
         return current.odometry, motion
     if estimate is None or estimate.over_ground is None:
         raise DatasetError(
-            f"{example.recording}: no pose at stamp {current.stamp_ns}; expected odometry, or a "
+            f"{example.recording}: no pose for the {current}; expected odometry, or a "
             "method that estimates the ego motion, such as online"
         )
     return estimate.over_ground.world_from_sensor, estimate.over_ground.next_from_current

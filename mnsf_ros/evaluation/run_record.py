@@ -100,6 +100,8 @@ class RunRecord:
 def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> str:
     """Returns the first few changes as text; empty if there are none."""
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
+    # It differs alone where a setting was set to its default.
+    names = [name for name in names if name != "explicit"] or names
     parts = [f"{name} was {before.get(name)}, is {now.get(name)}" for name in names[:_MAX_CHANGES]]
     if (more := len(names) - len(parts)) > 0:
         parts.append(f"and {more} more")

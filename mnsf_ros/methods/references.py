@@ -30,7 +30,7 @@ def ego_flow(triplet: SweepTriplet, _poses: SensorPoses) -> NDArray[np.float32]:
     """
     if triplet.next_from_current is None:
         raise SweepError(
-            f"sweep {triplet.current.stamp_ns}: the ego motion is not known, expected "
+            f"{triplet.current}: the ego motion is not known, expected "
             "next_from_current; does the recording have odometry (--odometry TOPIC or /tf)?"
         )
     return rigid_flow(triplet.current.xyz, triplet.next_from_current)

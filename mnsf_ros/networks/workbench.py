@@ -121,7 +121,7 @@ class Workbench:
         with self.stage("prepare"):
             if len(triplet.before) < num_before:
                 raise SweepError(
-                    f"sweep {triplet.current.stamp_ns}: got {len(triplet.before)} sweeps before "
+                    f"{triplet.current}: got {len(triplet.before)} sweeps before "
                     f"it, expected {num_before}"
                 )
             sweeps = (triplet.current, triplet.next, *triplet.before[:num_before])

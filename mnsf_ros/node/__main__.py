@@ -122,7 +122,10 @@ def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    parser.parse_args([*takewhile(lambda word: word != "--ros-args", arguments)])
+    before = takewhile(lambda word: word != "--ros-args", arguments)
+    if others := parser.parse_known_args([*before])[1]:
+        advice = "put --ros-args before remaps and parameters: -r '~/points:=/lidar/points'"
+        parser.error(f"unrecognized arguments: {' '.join(others)}; {advice}")
 
 
 def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:

@@ -183,13 +183,11 @@ class SceneFlowParts:
         """Runs in a thread of the pipeline."""
         if not self._node.context.ok():
             return
-        stamp_ns = job.triplet.current.stamp_ns
+        text = f"no flow for the {job.triplet.current}"
         if isinstance(error, MnsfError):
-            self._faults.warn(
-                f"refused {type(error).__name__}", f"no flow for sweep {stamp_ns}: {error}"
-            )
+            self._faults.warn(f"refused {type(error).__name__}", f"{text}: {error}")
             return
-        self._faults.unexpected(f"no flow for sweep {stamp_ns}", error)
+        self._faults.unexpected(text, error)
 
     def _publish_diagnostics(self) -> None:
         message = DiagnosticArray()

@@ -81,7 +81,7 @@ class ObjectSweep:
         points = self._points = chosen_points(self.xyz, self._in_objects)
         if len(points) < MIN_POINTS:
             raise SweepError(
-                f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "
+                f"{sweep}: {len(points)} of {len(sweep)} points are left after crop "
                 f"and ground removal, expected at least {MIN_POINTS}"
             )
         segmentation = Segmentation(points, settings.objects.cell_size_m)

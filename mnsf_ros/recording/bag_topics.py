@@ -154,7 +154,7 @@ def find_topic(
             return found[0]
         if found:
             kinds, names = f"{len(found)} topics of type {msgtype}", ", ".join(found)
-            raise RecordingError(f"{path}: {kinds}: name one of {names}")
+            raise RecordingError(f"{path}: {kinds}: name one by --points: {names}")
     text = f"no topic of type {msgtypes[0]}; {listing(topics)}{_advice(topics.values())}"
     raise RecordingError(f"{path}: {text}")
 

@@ -34,7 +34,7 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
     mask &= ~in_boxes(sweep.xyz, settings.crop.own_boxes)
     if (num_left := int(np.count_nonzero(mask))) < MIN_POINTS:
         raise SweepError(
-            f"sweep {sweep.stamp_ns}: {num_left} of {len(sweep)} points are left after crop"
+            f"{sweep}: {num_left} of {len(sweep)} points are left after crop"
             f"{choice}, expected at least {MIN_POINTS}"
         )
     return mask

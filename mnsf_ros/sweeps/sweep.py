@@ -60,6 +60,10 @@ class Sweep:
             if array is not None:
                 object.__setattr__(self, name, np.require(array, requirements=("C", "W")))
 
+    def __str__(self) -> str:
+        """Names it in messages."""
+        return f"sweep at {self.stamp_ns / NANOSECONDS:.3f} s"
+
     @property
     def span_s(self) -> tuple[float, float]:
         """Seconds from the stamp to the first and to the last point; 0 if unknown."""

@@ -50,6 +50,9 @@ def test_a_street_is_described(street, capsys):
     assert "x y z intensity ring" in text
     assert "odometry         0.0" in text
     assert text.endswith("Nothing wrong was found; notes: 1.\n")
+    assert "examined" not in text
+    _, text, _ = said(capsys, "doctor", street, "--duration-s=0.35")
+    assert "/points, 10 clouds, examined: the first 0.35 s\n" in text
 
 
 def test_what_is_wrong_is_said_with_what_mends_it(on_its_side, capsys):

@@ -258,10 +258,10 @@ def test_recordings_of_one_name_are_refused(street, tmp_path, capsys):
     [
         (["opensceneflow", "--key", "lidar"], "key 'lidar': is no name of an estimate"),
         (["opensceneflow", "--mask", __file__], "--mask and --index: are for the formats argo"),
-        (["argoverse2-2023", "--index", __file__], "argoverse2-2023: expected --mask"),
+        (["argoverse2-2023", "--index", __file__], "argoverse2-2023: --mask is missing"),
         (
             ["argoverse2-v3", "--index", __file__, "--labels"],
-            "argoverse2-v3: expected --index, not",
+            "argoverse2-v3: takes --index, but no other",
         ),
     ],
 )

@@ -67,9 +67,9 @@ def ring(num_points, radius_m=10.0):
     ids=["empty", "all beyond the crop", "nearly all beyond the crop"],
 )
 def test_too_few_points(points, left):
-    text = f"sweep 1700: {left} points are left after crop and ground removal, expected at least 10"
-    with pytest.raises(SweepError, match=f"^{re.escape(text)}$"):
-        PreparedSweep(Sweep.from_array(points, stamp_ns=1700), NO_GROUND)
+    text = f"sweep at 1.700 s: {left} points are left after crop and ground removal, expected at "
+    with pytest.raises(SweepError, match=f"^{re.escape(text)}least 10$"):
+        PreparedSweep(Sweep.from_array(points, stamp_ns=1_700_000_000), NO_GROUND)
     assert PreparedSweep(Sweep.from_array(ring(10)), NO_GROUND).kept.all()
 
 

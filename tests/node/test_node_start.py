@@ -146,7 +146,11 @@ class TestNodeWithNamesAndParameters:
     ("arguments", "status", "words"),
     [
         (["-h", "--ros-args", "-r", "a:=b"], 0, ("~/points", "~/objects", "--params-file")),
-        (["-p", "crop.max_range_m:=60"], 2, ("error: unrecognized arguments", "--ros-args")),
+        (
+            ["-p", "crop.max_range_m:=60"],
+            2,
+            ("unrecognized arguments: -p crop.max_range_m:=60; put --ros-args",),
+        ),
     ],
 )
 def test_options_that_are_not_for_ros(arguments, status, words):

@@ -168,7 +168,7 @@ def two_topics(path):
 @pytest.mark.parametrize(
     ("name", "msgtype", "text"),
     [
-        (None, CLOUD_TYPE, f"2 topics of type {CLOUD_TYPE}: name one of /front, /rear"),
+        (None, CLOUD_TYPE, f"2 topics of type {CLOUD_TYPE}: name one by --points: /front, /rear"),
         (None, "sensor_msgs/msg/Imu", "no topic of type sensor_msgs/msg/Imu; it has /front"),
         ("/left", CLOUD_TYPE, f"no topic '/left'; it has /front .{CLOUD_TYPE}., /odom .nav_msgs"),
         ("/odom", CLOUD_TYPE, f"'/odom' is of type {ODOMETRY_TYPE}, expected {CLOUD_TYPE}"),

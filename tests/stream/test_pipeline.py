@@ -87,7 +87,7 @@ class TestFailure:
         assert all(isinstance(error, SweepError) for _, error in recorder.failures)
         snapshot = pipeline.statistics.snapshot()
         assert snapshot.failures_in_a_row == snapshot.counts["estimates_failed"] == 3
-        assert snapshot.last_failure.startswith(f"sweep {bad.stamp_ns}: 6 of 6 points are left")
+        assert snapshot.last_failure.startswith(f"{bad}: 6 of 6 points are left")
 
         add(make_sweep(5))
         assert recorder.current_stamps == [make_sweep(4).stamp_ns]

@@ -176,17 +176,17 @@ def test_command_prints_what_it_does_and_finds(street, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["fusion", "--max-examples=-1"], "max_examples: got -1"),
+        (["fusion", "--max-examples=-1"], "--max-examples: got -1"),
         (["fusion", "--set=crop.max_range=3"], "unknown setting 'crop.max_range'"),
         (["fusion", "/nowhere"], "/nowhere"),
         (["stability", "--sizes=many"], "sizes: got many, expected 3 or more numbers"),
         (["stability", "--methods=mnfs"], "unknown method 'mnfs'"),
         (["stability", "--sizes=16,32,100000"], "sizes: got 100000"),
         (["stability", "--sizes=64,128"], "sizes: got 64,128, expected 3 or more numbers"),
-        (["stability", "--repeats=0"], "repeats: got 0, expected a whole number from 1 to"),
+        (["stability", "--repeats=0"], "--repeats: got 0, expected a whole number from 1 to"),
         (["warm-start", "--warm-steps=8,4"], "warm_steps: got 8,4, expected 1 or more numbers"),
         (["warm-start", "--cold-steps=0"], "cold_steps: got 0, expected 1 or more numbers from 1"),
-        (["landscape", "--directions=0"], "directions: got 0, expected a whole number from 2 to"),
+        (["landscape", "--directions=0"], "--directions: got 0, expected a whole number from 2 to"),
         (["landscape", "--set=ego_motion.removed=true"], "ego_motion.removed is true, expected"),
     ],
 )
