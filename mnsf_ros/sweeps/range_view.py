@@ -23,8 +23,6 @@ _ARCTAN: Final = tuple(
 # A place is free only if it is nearer than what is around by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
-# A row of cells with fewer returns than this share of those above and below is between beams.
-_BETWEEN_SHARE: Final = 0.1
 
 
 class RangeView:
@@ -45,8 +43,7 @@ class RangeView:
         self._nearest = _nearest(*self._directions(xyz))
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
-        self._between, self._beside = _between(is_seen), _beside(is_seen)
-        self._above_or_below = _above_or_below(is_seen)
+        self._above_or_below, self._beside = _above_or_below(is_seen), _beside(is_seen)
 
     def _directions(
         self, places: NDArray[np.float32]
@@ -83,19 +80,17 @@ class RangeView:
     ) -> NDArray[np.float32]:
         """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
-        Nobody can have seen places that are hidden or out of view. A place between the
-        beams tells nothing: hardly anything returns from its elevation, all around, but much from
-        above and below.
+        Nobody can have seen places that are hidden or out of view.
 
         Args:
             positions: (P, 3) metres, sensor frame.
             other: The view from which the points were seen.
             reach_m: The limit of other places.
-            hidden_m: That of places that nobody can have seen; between the beams it is 0.
+            hidden_m: That of places that nobody can have seen.
         """
         out = self._above_or_below, self._beside & other._beside
         limits = np.float32(reach_m), np.float32(hidden_m)
-        return _limits(*self._directions(positions), self._nearest, *out, self._between, *limits)
+        return _limits(*self._directions(positions), self._nearest, *out, *limits)
 
 
 def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -111,14 +106,6 @@ def _above_or_below(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if len(seen):
         out[seen[0] : seen[-1] + 1] = False
     return out
-
-
-def _between(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns (E,) which elevations are between the beams, by the cells (E, A) with a return."""
-    counts = is_seen.sum(axis=1)
-    sides = sliding_window_view(np.pad(counts, _NUM_REACHED), _NUM_REACHED).max(axis=1)
-    below, above = sides[: len(counts)], sides[-len(counts) :]
-    return np.asarray(counts < _BETWEEN_SHARE * np.minimum(below, above))
 
 
 def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
@@ -180,8 +167,8 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
 
 
 @compiled(
-    "float32[::1](int32[::1], float32[::1], float32[::1], boolean[::1], boolean[::1], boolean[::1],"
-    "float32, float32)"
+    "float32[::1](int32[::1], float32[::1], float32[::1], boolean[::1], boolean[::1], float32,"
+    "float32)"
 )
 def _limits(
     cells: NDArray[np.int32],
@@ -189,7 +176,6 @@ def _limits(
     nearest: NDArray[np.float32],
     above_or_below: NDArray[np.bool_],
     beside: NDArray[np.bool_],
-    between: NDArray[np.bool_],
     reach_m: np.float32,
     hidden_m: np.float32,
 ) -> NDArray[np.float32]:
@@ -202,8 +188,6 @@ def _limits(
         is_hidden = nearest[cell] + margins[row] < ranges[row]
         is_unseen = is_hidden or beside[across] or above_or_below[up]
         limits[row] = hidden_m if is_unseen else reach_m
-        if between[up]:
-            limits[row] = 0.0
     return limits
 
 

@@ -40,7 +40,7 @@ def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
         ([plate(5)], (0, 0, 0), 0.01, 0.11),
         ([], (0, -10, 0), 0.01, 0.11),
         # Where it is now the sensor looks, though nothing returned from there.
-        ([], (0, 0, 0), 0.4, 0.5),
+        ([plate(6, -6)], (0, 0, 0), 0.4, 0.5),
     ],
     ids=["seen through", "hidden", "out of view", "nothing returned"],
 )

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Places that a sweep knows nothing of: between its beams, and out of its view."""
+"""Places that a sweep knows nothing of: behind surfaces, and out of its view."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.sweeps.range_view import RangeView
 
-AROUND, FEW = np.arange(0.0, 360.0, 0.4), np.arange(-14.5, 15.0, 2.0)
+AROUND = np.arange(0.0, 360.0, 0.4)
 
 
 def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
@@ -19,35 +19,6 @@ def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
     flat = np.cos(elevations)
     directions = np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)])
     return (range_m * directions.T).astype(np.float32)
-
-
-def are_between(view, places):
-    return view.limits_m(places, view, reach_m=0.5, hidden_m=0.1) == 0
-
-
-@pytest.mark.parametrize(
-    ("beams_deg", "place_deg", "is_between"),
-    [
-        (FEW, -13.5, True),
-        (FEW, -12.5, False),
-        (FEW, 16.5, False),
-        (np.arange(-14.5, 15.0, 0.4), -13.5, False),
-    ],
-)
-def test_between_few_beams_nothing_is_known(beams_deg, place_deg, is_between):
-    view = RangeView(rings(beams_deg))
-    assert are_between(view, rings([place_deg])).all() == is_between
-    assert are_between(view, rings([place_deg])).any() == is_between
-
-
-def test_where_few_things_reach_up_the_beams_still_meet_them():
-    ground, person = rings(np.arange(-19.5, 0.0)), rings(np.arange(-4.5, 6.0), np.arange(0, 5, 0.4))
-    view = RangeView(np.concatenate([ground, person]))
-    assert not are_between(view, person).any()
-
-
-def test_nothing_returned():
-    assert not are_between(RangeView(rings([])), rings(FEW)).any()
 
 
 @pytest.mark.parametrize(
@@ -75,6 +46,11 @@ def test_what_can_be_seen_limits_how_far_off_a_point_may_be():
     assert limits_of(view, near, behind, aside) == pytest.approx([0.5, 0.1, 0.1])
     # The other view has returns from there.
     assert limits_of(other, near, behind, aside) == pytest.approx([0.5, 0.1, 0.5])
+
+
+def test_nothing_returned():
+    nothing = RangeView(rings([]))
+    assert nothing.limits_m(rings([0.0]), nothing, 0.5, 0.1) == pytest.approx(0.1)
 
 
 def test_an_azimuth_between_two_columns_is_in_view():
