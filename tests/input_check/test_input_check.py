@@ -170,7 +170,10 @@ def test_what_does_not_fit_is_said(name):
 NOTED = {
     "upside down": (lambda one, _: one.moved(turned("x", 180)), "up is nearest to -z; methods get"),
     "tilted": (lambda one, _: one.moved(turned("y", 45)), "z is 45 degrees off the normal"),
-    "tilted a little": (lambda one, _: one.moved(turned("y", 10)), "z is 10 degrees off the normal"),
+    "tilted a little": (
+        lambda one, _: one.moved(turned("y", 10)),
+        "z is 10 degrees off the normal",
+    ),
     "base_link": (lambda one, _: one.moved(shifted(1.4, 1.8)), "but at 1.40, 0.00, 1.80 m"),
 }
 
