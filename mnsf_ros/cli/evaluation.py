@@ -80,10 +80,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> bool:
 
 
 def _shown(
-    tasks: Sequence[EvaluationTask],
-    events: Events,
-    evaluation: EvaluationOptions,
-    console: Console,
+    tasks: Sequence[EvaluationTask], events: Events, evaluation: EvaluationOptions, console: Console
 ) -> Events:
     """Yields the events, with a bar of sweeps and a line for each task that is done."""
     most = evaluation.max_examples or sys.maxsize

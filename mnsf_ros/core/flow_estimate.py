@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints, Ints32
 from mnsf_ros.core.reason import Reason
 from mnsf_ros.sweeps.sweep import Start
 
@@ -56,15 +56,15 @@ class TrackedObject:
     """
 
     track_id: int
-    center: NDArray[np.float64] = field(repr=False)
-    size: NDArray[np.float64] = field(repr=False)
+    center: Floats = field(repr=False)
+    size: Floats = field(repr=False)
     yaw: float
-    velocity: NDArray[np.float64] = field(repr=False)
+    velocity: Floats = field(repr=False)
     turn_rate: float
-    covariance: NDArray[np.float64] = field(repr=False)
+    covariance: Floats = field(repr=False)
     age_s: float
     num_points: int
-    outline: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)), repr=False)
+    outline: Floats = field(default_factory=lambda: np.empty((0, 2)), repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +89,18 @@ class OverGround:
             without objects.
     """
 
-    motion: NDArray[np.float32] = field(repr=False)
-    dynamic: NDArray[np.bool_] = field(repr=False)
-    confidence: NDArray[np.float32] = field(repr=False)
-    world_from_sensor: NDArray[np.float64] = field(repr=False)
-    next_from_current: NDArray[np.float64] = field(repr=False)
+    motion: Floats32 = field(repr=False)
+    dynamic: Bools = field(repr=False)
+    confidence: Floats32 = field(repr=False)
+    world_from_sensor: Floats = field(repr=False)
+    next_from_current: Floats = field(repr=False)
     source: str
-    pose_covariance: NDArray[np.float64] | None = field(default=None, repr=False)
-    motion_covariance: NDArray[np.float64] | None = field(default=None, repr=False)
+    pose_covariance: Floats | None = field(default=None, repr=False)
+    motion_covariance: Floats | None = field(default=None, repr=False)
     objects: tuple[TrackedObject, ...] = ()
-    track_ids: NDArray[np.int32] | None = field(default=None, repr=False)
+    track_ids: Ints32 | None = field(default=None, repr=False)
 
-    def part(self, rows: NDArray[np.int64]) -> "OverGround":
+    def part(self, rows: Ints) -> "OverGround":
         """Returns the same for some points, by their numbers (M,)."""
         return replace(
             self,
@@ -155,8 +155,8 @@ class FlowEstimate:
         reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
 
-    flow: NDArray[np.float32] = field(repr=False)
-    kept: NDArray[np.bool_] = field(repr=False)
+    flow: Floats32 = field(repr=False)
+    kept: Bools = field(repr=False)
     times_ms: dict[str, float] = field(default_factory=dict)
     fits: dict[str, OptimizationResult] = field(default_factory=dict)
     start: Start = Start.COLD_BY_SETTING
@@ -165,13 +165,11 @@ class FlowEstimate:
     precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
-    own_body: NDArray[np.float32] = field(
-        default_factory=lambda: np.zeros((0, 3), np.float32), repr=False
-    )
+    own_body: Floats32 = field(default_factory=lambda: np.zeros((0, 3), np.float32), repr=False)
     effort: Effort = Effort.FULL
-    reason_of: Callable[[NDArray[np.int64]], Reason] | None = field(default=None, repr=False)
+    reason_of: Callable[[Ints], Reason] | None = field(default=None, repr=False)
 
-    def part(self, rows: NDArray[np.int64]) -> "FlowEstimate":
+    def part(self, rows: Ints) -> "FlowEstimate":
         """Returns the estimate of some points, by their numbers (M,)."""
         known = self.over_ground
         return replace(

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
+
 
 class Verdict(Enum):
     """Outcome for an object: the stage that decided."""
@@ -53,7 +55,7 @@ class Match:
         residual_m: Mean distance from the other sweep beyond the spacing of its points.
     """
 
-    positions: NDArray[np.float32]
+    positions: Floats32
     states: NDArray[np.uint8]
     residual_m: float
 
@@ -75,7 +77,7 @@ class SweepTerms:
     """
 
     age_s: float
-    points: NDArray[np.float32]
+    points: Floats32
     static: Match
     moving: Match | None
 
@@ -88,7 +90,7 @@ class Leader(NamedTuple):
         probability: How likely it moves.
     """
 
-    place: NDArray[np.float32]
+    place: Floats32
     probability: float
 
 
@@ -112,7 +114,7 @@ class Reason:
     num_points: int = 0
     size_m: float = 0.0
     sweeps: Sequence[SweepTerms] = ()
-    start: NDArray[np.float64] | None = None
-    motion: NDArray[np.float64] | None = None
+    start: Floats | None = None
+    motion: Floats | None = None
     evidence: Mapping[str, float] = field(default_factory=dict)
     leader: Leader | None = None

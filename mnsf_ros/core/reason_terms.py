@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.core.reason import Match, PointState, Reason, Verdict
 from mnsf_ros.errors import EvaluationError
@@ -27,9 +27,7 @@ _SETTINGS: Final = {
 }
 
 
-def rows_at(
-    xyz: NDArray[np.float32], estimate: FlowEstimate, place_m: tuple[float, float]
-) -> NDArray[np.int64]:
+def rows_at(xyz: Floats32, estimate: FlowEstimate, place_m: tuple[float, float]) -> Ints:
     """Returns the rows (M,) of what is at a place (x, y), metres, sensor frame.
 
     That is the tracked object whose box it is in, else points near by; ground only if alone.
@@ -63,7 +61,7 @@ def _is_in_box(item: TrackedObject, place_m: tuple[float, float]) -> bool:
     return bool(2 * abs(along) <= item.size[0] and 2 * abs(across) <= item.size[1])
 
 
-def reason_for(estimate: FlowEstimate, rows: NDArray[np.int64]) -> Reason:
+def reason_for(estimate: FlowEstimate, rows: Ints) -> Reason:
     """Returns the reason for the decision about the rows (M,) of one object.
 
     Raises:
@@ -75,7 +73,7 @@ def reason_for(estimate: FlowEstimate, rows: NDArray[np.int64]) -> Reason:
 
 
 def reason_terms(
-    xyz: NDArray[np.float32], estimate: FlowEstimate, rows: NDArray[np.int64], interval_s: float
+    xyz: Floats32, estimate: FlowEstimate, rows: Ints, interval_s: float
 ) -> dict[str, str]:
     """Returns terms and their texts for the decision about the rows (M,) of one object.
 
@@ -99,7 +97,7 @@ def reason_terms(
     return terms | dict(_object_terms(reason, interval_s or USUAL_INTERVAL_S))
 
 
-def _object_of(estimate: FlowEstimate, called: NDArray[np.int64]) -> str:
+def _object_of(estimate: FlowEstimate, called: Ints) -> str:
     """The tracked object of most of the rows (M,) that are called dynamic; empty without rows."""
     if len(called) == 0:
         return ""
@@ -140,7 +138,7 @@ def _object_terms(reason: Reason, interval_s: float) -> Iterator[tuple[str, str]
         yield f"Evidence, {name}", f"{value:.3g}"
 
 
-def vector_text(vector: NDArray[np.float64]) -> str:
+def vector_text(vector: Floats) -> str:
     """Returns a vector with two decimals."""
     return f"({', '.join(f'{value:.2f}' for value in vector)})"
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 from mnsf_ros.sweeps_io.files import columns_of, numbered_files, read_json, reading, stacked
@@ -67,7 +68,7 @@ def _read_points(path: Path) -> dict[str, NDArray[Any]]:
     return {name: points[name] for name, _ in fields}
 
 
-def _read_pose(path: Path) -> NDArray[np.float64]:
+def _read_pose(path: Path) -> Floats:
     row = read_json(path, dict)
     with reading(path):
         return rigid_pose(poses_from_quaternions(row["rotation"], row["translation"]))

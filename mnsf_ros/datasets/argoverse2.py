@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
@@ -63,9 +64,7 @@ def open_log(source: Path) -> SweepSource:
     return SweepSource("egovehicle", len(files), sweeps())
 
 
-def _sweep(
-    file: Path, stamp_ns: int, pose: NDArray[np.float64], boxes: tuple[Box, ...] | None
-) -> LabelledSweep:
+def _sweep(file: Path, stamp_ns: int, pose: Floats, boxes: tuple[Box, ...] | None) -> LabelledSweep:
     columns = read_feather(file, ("x", "y", "z", *_EXTRA, "offset_ns"))
     with reading(file):
         offset_s = as_type(columns["offset_ns"] * 1e-9, np.float32)
@@ -78,7 +77,7 @@ def _sweep(
         )
 
 
-def _read_poses(path: Path) -> dict[int, NDArray[np.float64]]:
+def _read_poses(path: Path) -> dict[int, Floats]:
     columns = read_feather(path, ["timestamp_ns", *_POSE])
     with reading(path):
         return dict(zip(columns["timestamp_ns"].tolist(), _poses(columns), strict=True))
@@ -103,7 +102,7 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
     return boxes
 
 
-def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def _poses(columns: Mapping[str, Floats]) -> Floats:
     numbers = np.stack([columns[name] for name in _POSE], axis=-1)
     return poses_from_quaternions(numbers[..., :4], numbers[..., 4:])
 

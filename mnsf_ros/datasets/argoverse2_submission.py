@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import stamps_ns
 from mnsf_ros.errors import DatasetError
@@ -122,16 +123,16 @@ def _archive(path: Path, *, overwrite: bool) -> Iterator[zipfile.ZipFile]:
         yield archive
 
 
-def _flow_columns(flow: NDArray[np.float32]) -> _Columns:
+def _flow_columns(flow: Floats32) -> _Columns:
     return dict(zip(_FLOW, flow.astype(np.float16).T, strict=True))
 
 
-def _mask(masks: zipfile.ZipFile, name: str, num_rows: int) -> NDArray[np.bool_]:
+def _mask(masks: zipfile.ZipFile, name: str, num_rows: int) -> Bools:
     from pyarrow import feather
 
     with reading(Path(str(masks.filename)), name):
         table = feather.read_table(BytesIO(masks.read(name)), use_threads=False)
-        mask: NDArray[np.bool_] = table.column(0).to_numpy().astype(bool)
+        mask: Bools = table.column(0).to_numpy().astype(bool)
     if len(mask) != num_rows:
         raise DatasetError(
             f"{masks.filename}: {name} is for {len(mask)} points, the recorded sweep has {num_rows}"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.geometry.rigid_motion import residual_flow, rigid_flow
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass
@@ -21,15 +22,15 @@ class ExportedSweep:
     """
 
     sweep: Sweep  # its `source` has the rows of its points in the recorded cloud
-    ground: NDArray[np.bool_]  # (N,)
-    pose: NDArray[np.float64]  # (4, 4) world_from_sensor
-    next_from_current: NDArray[np.float64] | None = None  # (4, 4) motion of static points
+    ground: Bools  # (N,)
+    pose: Floats  # (4, 4) world_from_sensor
+    next_from_current: Floats | None = None  # (4, 4) motion of static points
     interval_s: float = 0.0  # until the next sweep
     estimate: FlowEstimate | None = None  # row for row; None if the method has none
     truth: FlowTruth | None = None  # row for row; None if unknown
 
     @property
-    def flow(self) -> NDArray[np.float32]:
+    def flow(self) -> Floats32:
         """(N, 3) metres; points without an estimate move as static ones."""
         ego_flow = rigid_flow(self.sweep.xyz, self._motion)
         if self.estimate is None:
@@ -37,21 +38,21 @@ class ExportedSweep:
         return np.where(self.is_estimated[:, None], self.estimate.flow, ego_flow)
 
     @property
-    def is_estimated(self) -> NDArray[np.bool_]:
+    def is_estimated(self) -> Bools:
         """(N,) the points with an estimate."""
         if self.estimate is None:
             return np.zeros(len(self.sweep), dtype=bool)
         return np.asarray(np.isfinite(self.estimate.flow).all(axis=1))
 
     @property
-    def dynamic(self) -> NDArray[np.bool_]:
+    def dynamic(self) -> Bools:
         """(N,) the points that move over ground, by the method if it finds movers, else by flow."""
         if self.estimate is not None and self.estimate.over_ground is not None:
             return self.estimate.over_ground.dynamic
         return np.linalg.norm(self.residual, axis=1) > DYNAMIC_SPEED_M_S * self.interval_s
 
     @property
-    def residual(self) -> NDArray[np.float32]:
+    def residual(self) -> Floats32:
         """(N, 3) metres, flow without ego motion, in the axes of the next sweep."""
         return residual_flow(self.sweep.xyz, self.flow, self._motion)
 
@@ -73,7 +74,7 @@ class ExportedSweep:
         )
 
     @property
-    def _motion(self) -> NDArray[np.float64]:
+    def _motion(self) -> Floats:
         return np.eye(4) if self.next_from_current is None else self.next_from_current
 
     def in_rows(self, values: NDArray[Any]) -> NDArray[Any]:

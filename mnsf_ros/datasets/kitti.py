@@ -9,8 +9,8 @@ from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
 from mnsf_ros.sweeps_io.files import numbered_files, read_float_rows, read_lines, reading
@@ -61,7 +61,7 @@ def open_drive(source: Path) -> SweepSource:
     return SweepSource("velodyne", len(files), sweeps())
 
 
-def _world_from_imu(imu: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+def _world_from_imu(imu: Floats, origin: Floats) -> Floats:
     latitude, longitude, altitude, roll, pitch, yaw = imu.tolist()
     latitude_0, longitude_0, altitude_0 = origin.tolist()
     # Mercator, true to scale at the first sweep.
@@ -72,7 +72,7 @@ def _world_from_imu(imu: NDArray[np.float64], origin: NDArray[np.float64]) -> ND
     return pose @ tilt(pitch, roll)
 
 
-def _imu_reading(source: Path, number: int) -> NDArray[np.float64]:
+def _imu_reading(source: Path, number: int) -> Floats:
     """(6,) latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
     path = source / "oxts" / "data" / f"{number:010d}.txt"
     words = " ".join(read_lines(path)).split()[:6]
@@ -87,7 +87,7 @@ def _mercator(latitude_deg: float) -> float:
     return math.log(math.tan(math.pi / 4 + math.radians(latitude_deg) / 2))
 
 
-def _calibration(path: Path, **shapes: tuple[int, ...]) -> list[NDArray[np.float64]]:
+def _calibration(path: Path, **shapes: tuple[int, ...]) -> list[Floats]:
     """Returns entries of a file with a name and numbers on each line, by name and shape."""
     entries = dict(line.split(":", 1) for line in read_lines(path) if ":" in line)
     with reading(path):
@@ -97,7 +97,7 @@ def _calibration(path: Path, **shapes: tuple[int, ...]) -> list[NDArray[np.float
         ]
 
 
-def _rigid_transform(path: Path) -> NDArray[np.float64]:
+def _rigid_transform(path: Path) -> Floats:
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = _calibration(path, R=(3, 3), T=(3,))
     with reading(path):
@@ -115,7 +115,7 @@ class _Camera:
         camera_from_lidar = _rigid_transform(folder / "calib_velo_to_cam.txt")
         self._image_from_lidar = projection @ rectified @ camera_from_lidar
 
-    def sees(self, xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def sees(self, xyz: Floats32) -> Bools:
         """Returns (N,) whether points (N, 3) of the lidar are in the image."""
         with np.errstate(invalid="ignore"):
             u, v, depth = apply(self._image_from_lidar, xyz.astype(np.float64)).T

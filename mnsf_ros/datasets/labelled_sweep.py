@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats, Floats32
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.geometry.transforms import FloatArray, is_rigid
+from mnsf_ros.geometry.transforms import is_rigid
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Beyond the range of any lidar: larger coordinates are damage.
@@ -36,8 +37,8 @@ class Box:
             type.
     """
 
-    pose: FloatArray  # (4, 4) `sweep_from_box`; its origin is the middle of the box, x its length
-    size_m: NDArray[np.float64]  # (3,) length, width and height
+    pose: AnyFloats  # (4, 4) `sweep_from_box`; its origin is the middle of the box, x its length
+    size_m: Floats  # (3,) length, width and height
     class_id: int  # see `SurfaceClass`; 0 if unknown
     track_id: str | int | None  # the same in all sweeps; None if its motion is unknown
     hidden: bool = False  # it has no points, for example because it is fully occluded
@@ -63,18 +64,18 @@ class LabelledSweep:
     """
 
     stamp_ns: int
-    xyz: NDArray[np.float32]  # (N, 3) metres
+    xyz: Floats32  # (N, 3) metres
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # further ones, (N,) each
-    pose: FloatArray | None = None  # (4, 4) `world_from_sweep`; None if the data set has none
+    pose: AnyFloats | None = None  # (4, 4) `world_from_sweep`; None if the data set has none
     boxes: tuple[Box, ...] | None = None  # None if the sweep was not annotated
     # (N, 3) metres to the next sweep, in the next sweep's frame; None: by poses and boxes.
-    flow: NDArray[np.float32] | None = None
-    flow_valid: NDArray[np.bool_] | None = None  # (N,) the given flow is known; None: everywhere
-    dynamic: NDArray[np.bool_] | None = None  # (N,) the surface itself moves; None: by the flow
+    flow: Floats32 | None = None
+    flow_valid: Bools | None = None  # (N,) the given flow is known; None: everywhere
+    dynamic: Bools | None = None  # (N,) the surface itself moves; None: by the flow
     class_id: NDArray[np.uint8] | None = None  # (N,) `SurfaceClass`; None: that of its box
-    labelled: NDArray[np.bool_] | None = None  # (N,) inside the annotated area; None: all points
-    ground: NDArray[np.bool_] | None = None  # (N,); None: to be segmented
-    own_vehicle: NDArray[np.bool_] | None = None  # (N,) returns of the vehicle with the lidar
+    labelled: Bools | None = None  # (N,) inside the annotated area; None: all points
+    ground: Bools | None = None  # (N,); None: to be segmented
+    own_vehicle: Bools | None = None  # (N,) returns of the vehicle with the lidar
 
     def __post_init__(self) -> None:
         name = f"sweep of stamp {self.stamp_ns}"

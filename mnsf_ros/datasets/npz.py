@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools
 from mnsf_ros.datasets.kitti import KITTI
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.errors import DatasetError
@@ -60,7 +61,7 @@ def _sweep(file: Path, boxes: tuple[Box, ...] | None, shift_ns: int) -> Labelled
         )
 
 
-def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.bool_] | None:
+def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> Bools | None:
     return as_type(arrays[name], bool) if name in arrays else None
 
 

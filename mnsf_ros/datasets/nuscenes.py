@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource, classes_of
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
-    FloatArray,
     interpolated_pose,
     invert,
     poses_from_quaternions,
@@ -62,7 +61,7 @@ _Keyframes: TypeAlias = Mapping[int, Mapping[str, Box]]
 
 
 def _boxes_at(
-    micros: int, keyframes: _Keyframes, world_from_lidar: FloatArray
+    micros: int, keyframes: _Keyframes, world_from_lidar: AnyFloats
 ) -> tuple[Box, ...] | None:
     """Returns the boxes in the frame of a sweep; None before the first keyframe, after the last."""
     earlier = max((moment for moment in keyframes if moment <= micros), default=None)
@@ -86,7 +85,7 @@ class _SweepRow(NamedTuple):
 
     micros: int
     file_name: str
-    world_from_lidar: NDArray[np.float64]
+    world_from_lidar: Floats
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class _Tables:
             for row in _json_rows(path):
                 yield tuple(row[column] for column in columns)
 
-    def poses(self, name: str, key: str, wanted: Collection[str]) -> dict[str, NDArray[np.float64]]:
+    def poses(self, name: str, key: str, wanted: Collection[str]) -> dict[str, Floats]:
         """Returns the poses (4, 4) of the rows with a wanted key, by their token."""
         rows = self.rows(name, "token", key, "rotation", "translation")
         with reading(self.folder / f"{name}.json"):

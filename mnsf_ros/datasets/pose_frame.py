@@ -5,11 +5,10 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
-from mnsf_ros.geometry.transforms import FloatArray
 
 # A fifth of the flow from which points are dynamic; poses of float32 are rounded to 1 mm in a city.
 _SAME_MOTION_M: Final = 0.01
@@ -19,9 +18,7 @@ _SAME_TURN: Final = 1e-2
 _MIN_TURN_RATIO: Final = 0.1
 
 
-def frame_of_points(
-    pairs: Iterable[tuple[LabelledSweep, LabelledSweep]],
-) -> tuple[FloatArray, str]:
+def frame_of_points(pairs: Iterable[tuple[LabelledSweep, LabelledSweep]]) -> tuple[AnyFloats, str]:
     """Returns `frame_of_pose_from_points` (4, 4), and a note for the user if the frames differ.
 
     A vehicle that turns by R moves a lidar at t by (R - I) t more than its own origin. If the axes
@@ -64,5 +61,5 @@ def frame_of_points(
     )
 
 
-def _largest(shifts: NDArray[np.float64]) -> float:
+def _largest(shifts: Floats) -> float:
     return float(np.linalg.norm(shifts, axis=1).max())

@@ -5,11 +5,10 @@ import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats, Floats32, Ints
 from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
@@ -52,9 +51,7 @@ def _object_id(track_id: str | int | None) -> int:
     return 0 if track_id is None else max(1, zlib.crc32(str(track_id).encode()))
 
 
-def box_of_points(
-    xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float, ground: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def box_of_points(xyz: Floats32, boxes: Sequence[Box], margin_m: float, ground: Bools) -> Ints:
     """Returns the index (N,) of the box of each point (N, 3), -1 for none.
 
     Labelled boxes are tight, so they grow by `margin_m` in length, width and height, half of it on
@@ -72,7 +69,7 @@ def box_of_points(
     return owner
 
 
-def official_box_of_points(xyz: NDArray[np.float32], boxes: Sequence[Box]) -> NDArray[np.int64]:
+def official_box_of_points(xyz: Floats32, boxes: Sequence[Box]) -> Ints:
     """Returns (N,) the index of the last box with each point (N, 3), -1 for none.
 
     Boxes grow by 0.2 m in length and width, not in height; ground inside belongs to them, too.
@@ -85,8 +82,8 @@ def official_box_of_points(xyz: NDArray[np.float32], boxes: Sequence[Box]) -> ND
 
 
 def _points_near(
-    xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float
-) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.floating[Any]]]]:
+    xyz: Floats32, boxes: Sequence[Box], margin_m: float
+) -> Iterator[tuple[int, Ints, AnyFloats]]:
     """Yields the index of each visible box, points around it, and these (M, 3) in its frame."""
     x, y = np.ascontiguousarray(xyz[:, 0]), np.ascontiguousarray(xyz[:, 1])
     for number, box in enumerate(boxes):
@@ -94,18 +91,18 @@ def _points_near(
             continue
         reach = float(np.linalg.norm(box.size_m + margin_m)) / 2
         near = (np.abs(x - box.pose[0, 3]) <= reach) & (np.abs(y - box.pose[1, 3]) <= reach)
-        rows: NDArray[np.int64] = np.flatnonzero(near)
-        local: NDArray[np.floating[Any]] = apply(invert(box.pose), xyz[rows].astype(np.float64))
+        rows: Ints = np.flatnonzero(near)
+        local: AnyFloats = apply(invert(box.pose), xyz[rows].astype(np.float64))
         yield number, rows, local
 
 
 def _motion(
-    sweep: LabelledSweep, following: LabelledSweep | None, owner: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
+    sweep: LabelledSweep, following: LabelledSweep | None, owner: Ints
+) -> tuple[Floats32, Bools, Bools]:
     """Returns (N, 3) flow, (N,) whether it is known, and (N,) whether the surface itself moves."""
     ego_motion = None if following is None else _ego_motion(sweep, following)
     if following is None or (sweep.flow is None and ego_motion is None):
-        nowhere: NDArray[np.bool_] = np.zeros(len(sweep), dtype=bool)
+        nowhere: Bools = np.zeros(len(sweep), dtype=bool)
         return np.zeros_like(sweep.xyz), nowhere, nowhere
     if sweep.flow is not None:
         flow, valid = sweep.flow, _finite_rows(np.hstack([sweep.xyz, sweep.flow]))
@@ -124,11 +121,8 @@ def _motion(
 
 
 def _flow_of_boxes(
-    sweep: LabelledSweep,
-    following: LabelledSweep,
-    owner: NDArray[np.int64],
-    next_from_current: NDArray[np.float64],
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    sweep: LabelledSweep, following: LabelledSweep, owner: Ints, next_from_current: Floats
+) -> tuple[Floats32, Bools]:
     """Returns the flow of points that move with their boxes, and whether it is known."""
     valid, flow = _finite_rows(sweep.xyz), rigid_flow(sweep.xyz, next_from_current)
     tracks, counterparts = _tracks(sweep.boxes or ()), _tracks(following.boxes or ())
@@ -151,13 +145,13 @@ def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
     }
 
 
-def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.float64] | None:
+def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> Floats | None:
     if sweep.pose is None or following.pose is None:
         return None
     return np.asarray(invert(following.pose) @ sweep.pose, dtype=np.float64)
 
 
-def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
+def _reach(sweep: LabelledSweep, settings: TruthSettings) -> Bools:
     """Returns (N,) whether labels distinguish dynamic from static points there."""
     is_labelled = sweep.boxes is not None or sweep.flow is not None
     if settings.unlabelled_static or not is_labelled or sweep.labelled is None:
@@ -165,7 +159,7 @@ def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
     return sweep.labelled
 
 
-def _ground_of(sweep: LabelledSweep) -> NDArray[np.bool_]:
+def _ground_of(sweep: LabelledSweep) -> Bools:
     if sweep.ground is not None:
         return sweep.ground
     ground = np.zeros(len(sweep), dtype=bool)
@@ -174,5 +168,5 @@ def _ground_of(sweep: LabelledSweep) -> NDArray[np.bool_]:
     return ground
 
 
-def _finite_rows(rows: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _finite_rows(rows: Floats32) -> Bools:
     return np.asarray(np.isfinite(rows).all(axis=1), dtype=np.bool_)

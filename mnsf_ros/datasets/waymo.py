@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose
@@ -37,12 +37,12 @@ WAYMO: Final = {
 class _Laser(NamedTuple):
     """Mount and row angles of one lidar."""
 
-    vehicle_from_laser: NDArray[np.float64]
+    vehicle_from_laser: Floats
     # (H,) above the horizontal, from the lowest row up; None: spread evenly over the range.
-    inclinations_rad: NDArray[np.float64] | None
+    inclinations_rad: Floats | None
     range_rad: tuple[float, float]  # lowest and highest angle
 
-    def points(self, image: NDArray[np.float32]) -> NDArray[np.float64]:
+    def points(self, image: Floats32) -> Floats:
         """Returns (H, W, 3) points of the pixels of a range image (H, W, ...), vehicle frame."""
         height, width = image.shape[:2]
         angles, (low, high) = self.inclinations_rad, self.range_rad
@@ -77,7 +77,7 @@ def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
 
 
 def _sweeps(
-    source: Path, file_name: str, vehicle_poses: Mapping[int, NDArray[np.float64]]
+    source: Path, file_name: str, vehicle_poses: Mapping[int, Floats]
 ) -> Iterator[LabelledSweep]:
     lasers = _read_calibrations(source / "lidar_calibration" / file_name)
     box_file = source / "lidar_box" / file_name
@@ -115,11 +115,11 @@ def _sweeps(
 
 def _returns(
     number: int,
-    image: NDArray[np.float32],
-    pixel_poses: NDArray[np.float32] | None,
+    image: Floats32,
+    pixel_poses: Floats32 | None,
     laser: _Laser,
-    world_from_vehicle: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    world_from_vehicle: Floats,
+) -> Floats:
     """Returns the first returns of one lidar, (N, 7), in the vehicle frame of the sweep.
 
     The channels of its image (H, W, 4) are range (m), intensity, elongation, and 1 in a zone
@@ -135,7 +135,7 @@ def _returns(
     return np.column_stack([points, image[hit][:, 1:4], np.full(len(points), number)])
 
 
-def _frames(path: Path, prefix: str) -> Iterator[tuple[int, dict[int, NDArray[np.float32]]]]:
+def _frames(path: Path, prefix: str) -> Iterator[tuple[int, dict[int, Floats32]]]:
     """Yields the images of each frame by the number of their lidar."""
     rows = _rows(path, [_STAMP, _LASER, f"{prefix}.values", f"{prefix}.shape"], batch_size=1)
     with reading(path):

@@ -12,7 +12,8 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
+
+from mnsf_ros.arrays import Floats32
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,10 +64,7 @@ def height_maps(title: str, maps: "Mapping[str, pd.DataFrame]") -> bytes:
 
 
 def curves(
-    title: str,
-    families: "Mapping[str, Mapping[str, pd.Series]]",
-    x_label: str,
-    y_label: str,
+    title: str, families: "Mapping[str, Mapping[str, pd.Series]]", x_label: str, y_label: str
 ) -> bytes:
     """Draws up to three families of curves, with gaps where a value is NaN.
 
@@ -95,8 +93,8 @@ class Panel(NamedTuple):
     """An object in another sweep."""
 
     title: str
-    points: NDArray[np.float32]  # (Q, 3) metres, the other sweep around it
-    positions: dict[str, NDArray[np.float32]]  # its points (P, 3) by their state, see the legend
+    points: Floats32  # (Q, 3) metres, the other sweep around it
+    positions: dict[str, Floats32]  # its points (P, 3) by their state, see the legend
 
 
 @mpl.rc_context({"text.parse_math": False})  # a dollar sign in a name is no formula

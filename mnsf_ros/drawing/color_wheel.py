@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.compiled import compiled
 
 Color = tuple[float, float, float]
@@ -26,7 +27,7 @@ _NUM_STRENGTHS: Final = 64
 _HUE_STEP: Final = 0.618  # of a turn, from object to object
 
 
-def flow_colors(flow: NDArray[Any], full_speed_m: float) -> NDArray[np.float64]:
+def flow_colors(flow: NDArray[Any], full_speed_m: float) -> Floats:
     """Returns the colour of each flow vector: direction is the hue, speed is the saturation.
 
     Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
@@ -47,7 +48,7 @@ def flow_colors(flow: NDArray[Any], full_speed_m: float) -> NDArray[np.float64]:
     return np.asarray(SLOW) + strengths[:, None] * (hues - SLOW)
 
 
-def wheel_image(num_pixels: int) -> NDArray[np.float64]:
+def wheel_image(num_pixels: int) -> Floats:
     """Returns the wheel of colours, x to the right and y up, full colour on its rim.
 
     (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel;
@@ -63,7 +64,7 @@ def wheel_image(num_pixels: int) -> NDArray[np.float64]:
     return np.dstack([colors.reshape(num_pixels, num_pixels, 3), opacities])
 
 
-def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[np.uint32]:
+def packed_colors(motion: Floats32, full_length_m: float) -> NDArray[np.uint32]:
     """Returns the colours (N,) of motions (N, 3) in metres, packed as 0x00RRGGBB.
 
     The colours of `flow_colors` for the root of the length, so that a pedestrian shows beside cars.
@@ -72,7 +73,7 @@ def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[
     return _looked_up(np.ascontiguousarray(motion), np.float32(1 / full_length_m), _TABLE)
 
 
-def error_colors_rgb(errors_m: NDArray[Any]) -> NDArray[np.float64]:
+def error_colors_rgb(errors_m: NDArray[Any]) -> Floats:
     """Returns (N, 3) RGB, each 0 to 255, of errors (N,) in metres; NaN has the colour of 0."""
     place = np.nan_to_num(np.clip(errors_m / FULL_ERROR_M, 0.0, 1.0)) * 2
     return np.column_stack([np.interp(place, (0, 1, 2), ramp) for ramp in _ERROR_RAMP.T])
@@ -96,7 +97,7 @@ def _table() -> NDArray[np.uint32]:
 
 @compiled("uint32[::1](float32[:, ::1], float32, uint32[:, ::1])")
 def _looked_up(
-    motion: NDArray[np.float32], per_length: np.float32, table: NDArray[np.uint32]
+    motion: Floats32, per_length: np.float32, table: NDArray[np.uint32]
 ) -> NDArray[np.uint32]:
     """Returns the entry of the table for each motion (N, 3); the first one for zero and NaN."""
     num_hues, num_strengths = table.shape

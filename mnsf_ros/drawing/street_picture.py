@@ -5,13 +5,14 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from mnsf_ros.arrays import AnyFloats, Floats, Floats32, Ints
 from mnsf_ros.drawing.color_wheel import (
     FULL_ERROR_M,
     error_colors_rgb,
@@ -45,10 +46,10 @@ _ARROW_PX: Final = ((0, -6), (4, 5), (0, 2), (-4, 5))
 
 
 def frame(
-    xyz: NDArray[np.float32],
-    velocities: Sequence[NDArray[np.float32]],
+    xyz: Floats32,
+    velocities: Sequence[Floats32],
     full_speed_m_s: float,
-    errors_m: NDArray[np.floating[Any]] | None = None,
+    errors_m: AnyFloats | None = None,
 ) -> bytes:
     """Returns a PNG file of a sweep, once for each velocity, and its errors from above.
 
@@ -72,7 +73,7 @@ def frame(
     return content.getvalue()
 
 
-def _from_above(xyz: NDArray[np.float32], errors_m: NDArray[np.floating[Any]]) -> Image.Image:
+def _from_above(xyz: Floats32, errors_m: AnyFloats) -> Image.Image:
     """A square picture, ahead is up, the largest errors on top, unknown ones darker."""
     canvas = np.empty((_SCALE * _HEIGHT_PX, _SCALE * _HEIGHT_PX, 3), np.uint8)
     canvas[:] = _BACKGROUND
@@ -91,7 +92,7 @@ def _from_above(xyz: NDArray[np.float32], errors_m: NDArray[np.floating[Any]]) -
     return image
 
 
-def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _projected(points: Floats) -> tuple[Floats, Floats]:
     """Returns pixels (N, 2) of points (N, 3), and their depths (N,) in metres."""
     pitch = math.radians(_PITCH_DEG)
     x, y, z = (points - _CAMERA).T
@@ -103,9 +104,7 @@ def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return np.column_stack([columns, rows]), depth
 
 
-def _points(
-    xyz: NDArray[np.float32], velocity: NDArray[np.float32], full_speed_m_s: float
-) -> NDArray[np.uint8]:
+def _points(xyz: Floats32, velocity: Floats32, full_speed_m_s: float) -> NDArray[np.uint8]:
     """Returns the image (H, W, 3) of the points, the nearest on top, moving ones over all."""
     canvas = np.empty((_SCALE * _HEIGHT_PX, _SCALE * _WIDTH_PX, 3), np.uint8)
     canvas[:] = _BACKGROUND
@@ -124,9 +123,7 @@ def _points(
     return canvas
 
 
-def _splat(
-    canvas: NDArray[np.uint8], pixels: NDArray[np.int64], colors: NDArray[np.uint8], size: int
-) -> None:
+def _splat(canvas: NDArray[np.uint8], pixels: Ints, colors: NDArray[np.uint8], size: int) -> None:
     """Sets squares of pixels; later ones cover earlier ones."""
     height, width, _ = canvas.shape
     for right in range(size):

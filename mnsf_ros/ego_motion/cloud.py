@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats, Floats32, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.point_sets import thinned
@@ -37,11 +37,11 @@ class Cloud:
         beam_axis: (3,) unit vector, the axis that the beams turn about.
     """
 
-    points: NDArray[np.float32]
+    points: Floats32
     num_standing: int
-    parts: NDArray[np.int32]
-    part_times_s: NDArray[np.float64]
-    beam_axis: NDArray[np.float64]
+    parts: Ints32
+    part_times_s: Floats
+    beam_axis: Floats
 
     @classmethod
     def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> "Cloud":
@@ -62,13 +62,11 @@ class Cloud:
         parts, axis = _parts(columns[:, 3:]), sweep.beams_from_sensor[2]
         return cls(np.ascontiguousarray(columns[:, :3]), len(standing), *parts, axis)
 
-    def at_once(self, points: NDArray[np.float32]) -> "Cloud":
+    def at_once(self, points: Floats32) -> "Cloud":
         """Returns a cloud of points (N, 3) of this one, as if measured in one moment."""
         return Cloud(points, len(points), *_parts(points[:, 3:]), self.beam_axis)
 
-    def poses(
-        self, pose: NDArray[np.float64], velocity: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def poses(self, pose: Floats, velocity: Floats) -> Floats:
         """Returns (K, 4, 4) the poses of the sensor at the times of the parts.
 
         Args:
@@ -93,7 +91,7 @@ class Cloud:
         return len(self.points)
 
 
-def _parts(times_s: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def _parts(times_s: Floats32) -> tuple[Ints32, Floats]:
     """The part of each point, and the times of the parts, by the times (N, 1); (N, 0) for none."""
     if times_s.size == 0:
         return np.zeros(len(times_s), np.int32), np.zeros(1)
@@ -103,9 +101,7 @@ def _parts(times_s: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.
 
 
 @compiled("Tuple((float32[:, ::1], int64))(float32[:, ::1], int64, float32)")
-def _standing_first(
-    xyz: NDArray[np.float32], stride: int, max_range_m: np.float32
-) -> tuple[NDArray[np.float32], int]:
+def _standing_first(xyz: Floats32, stride: int, max_range_m: np.float32) -> tuple[Floats32, int]:
     """Every n-th row with a point in range, near the ground last, and the number of the others."""
     width = int(2 * max_range_m / _COLUMN_M) + 2
     lowest = np.full(width * width, np.float32(np.inf))

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from mnsf_ros.arrays import Floats
 
 UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
 
@@ -25,12 +26,12 @@ class StepNoise:
     turn_share: float  # additional radians per radian turned
 
 
-def six_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+def six_axes(turn: Floats) -> Floats:
     """Returns the (6, 6) rotation of two vectors by a rotation (3, 3)."""
     return np.asarray(np.kron(np.eye(2), turn), np.float64)
 
 
-def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
+def step_covariance(motion: Floats, noise: StepNoise) -> Floats:
     """Returns the covariance of a step last_from_sensor (4, 4), in the axes of `last`."""
     way_m = float(np.linalg.norm(motion[:3, 3]))
     angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
@@ -40,11 +41,8 @@ def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np
 
 
 def chained_covariance(
-    covariance: NDArray[np.float64],
-    world_from_last: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    step: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    covariance: Floats, world_from_last: Floats, motion: Floats, step: Floats
+) -> Floats:
     """Returns the covariance of a pose, world axes, after a random motion with covariance `step`.
 
     A heading error causes a position error that grows with distance travelled, without limit.
@@ -54,5 +52,5 @@ def chained_covariance(
     carried = np.eye(6)
     carried[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
     axes = six_axes(turn)
-    result: NDArray[np.float64] = carried @ covariance @ carried.T + axes @ step @ axes.T
+    result: Floats = carried @ covariance @ carried.T + axes @ step @ axes.T
     return (result + result.T) / 2

@@ -7,9 +7,9 @@ from enum import Enum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.covariance import (
     UNKNOWN_COVARIANCE,
@@ -76,20 +76,20 @@ class SensorPose:
         step_covariance: Of the motion since the previous sweep, in the axes of that sweep.
     """
 
-    world_from_sensor: NDArray[np.float64]
+    world_from_sensor: Floats
     source: EgoSource
-    covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
-    step_covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
+    covariance: Floats = field(default_factory=UNKNOWN_COVARIANCE.copy)
+    step_covariance: Floats = field(default_factory=UNKNOWN_COVARIANCE.copy)
     motion: SweepMotion | None = None
 
     @property
-    def world_from_stamp(self) -> NDArray[np.float64]:
+    def world_from_stamp(self) -> Floats:
         """(4, 4) where the sensor was at the stamp of the sweep."""
         if self.motion is None:
             return self.world_from_sensor
         return self.world_from_sensor @ self.motion.moment_from_stamp
 
-    def in_one_moment(self, sweep: Sweep) -> NDArray[np.float32]:
+    def in_one_moment(self, sweep: Sweep) -> Floats32:
         """Returns the points (N, 3) of this pose's sweep, corrected to the moment of `motion`."""
         if self.motion is None or sweep.times_s is None:
             return sweep.xyz
@@ -110,7 +110,7 @@ class _Match:
     """
 
     found: Placed
-    motion: NDArray[np.float64]
+    motion: Floats
     cloud: Cloud | None
     map: SweepMatcher
     during: SweepMotion | None
@@ -126,9 +126,9 @@ class EgoMotion:
         self._map: SweepMatcher | None = None
         self._last: Sweep | None = None
         self._last_pose = _origin()
-        self._last_motion: NDArray[np.float64] | None = None
+        self._last_motion: Floats | None = None
         # Of that motion, from all sweeps so far, in world axes.
-        self._last_covariance: NDArray[np.float64] = np.zeros((6, 6))
+        self._last_covariance: Floats = np.zeros((6, 6))
         self._last_interval_ns = 0
         # The same for all sweeps of a world, so that intervals are those of the stamps.
         self._moment_s: float | None = None
@@ -151,9 +151,7 @@ class EgoMotion:
             return replace(self._bending, turns=None)
         return self._during or replace(self._bending, turns=self._turns)
 
-    def _bent_by(
-        self, sweep: Sweep, step: NDArray[np.float64], interval_ns: int
-    ) -> SweepMotion | None:
+    def _bent_by(self, sweep: Sweep, step: Floats, interval_ns: int) -> SweepMotion | None:
         """The motion during a sweep, given the motion `step` in an interval; None if not used."""
         if not self._settings.deskew or sweep.times_s is None or interval_ns <= 0:
             return None
@@ -177,7 +175,7 @@ class EgoMotion:
         motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
         turn = self._gyroscope.turn(sweep, *interval_s)
         expected = self._expected(before, interval_ns, turn)
-        known: NDArray[np.float64] = np.zeros((6, 6))
+        known: Floats = np.zeros((6, 6))
         if motion is None:
             motion, source, known = self._registered(last, before, sweep, expected, turn)
         else:
@@ -202,11 +200,11 @@ class EgoMotion:
     def _is_odometry_wanted(self) -> bool:
         return self._settings.source != EgoSource.REGISTRATION.value
 
-    def _odometry(self, last: Sweep, sweep: Sweep) -> NDArray[np.float64] | None:
+    def _odometry(self, last: Sweep, sweep: Sweep) -> Floats | None:
         """(4, 4) last_from_sweep; None if odometry is not used, missing or impossible."""
         if not self._is_odometry_wanted or last.odometry is None or sweep.odometry is None:
             return None
-        motion: NDArray[np.float64] = np.linalg.inv(last.odometry) @ sweep.odometry
+        motion: Floats = np.linalg.inv(last.odometry) @ sweep.odometry
         elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
         is_possible = np.abs(motion[:3, 3]).max() <= _MAX_STEP_M + _MAX_SPEED_M_S * elapsed_s
         return motion if is_possible else None
@@ -214,11 +212,11 @@ class EgoMotion:
     def _registered(
         self,
         last: Sweep,
-        world_from_last: NDArray[np.float64],
+        world_from_last: Floats,
         sweep: Sweep,
         expected: Placed | None,
-        turn: NDArray[np.float64] | None,
-    ) -> tuple[NDArray[np.float64], EgoSource, NDArray[np.float64]]:
+        turn: Floats | None,
+    ) -> tuple[Floats, EgoSource, Floats]:
         """(4, 4) last_from_sweep, its source, and its covariance (6, 6) by the map.
 
         If the measured turn does not fit, the sweep is registered without it.
@@ -242,14 +240,14 @@ class EgoMotion:
         # few points.
         new_map = self._map_of(sweep, pose, self.motion_in(sweep))
         self._map = self._map if new_map.is_empty else new_map
-        motion: NDArray[np.float64] = np.linalg.inv(world_from_last) @ pose
+        motion: Floats = np.linalg.inv(world_from_last) @ pose
         return motion, EgoSource.CONSTANT_VELOCITY, np.zeros((6, 6))
 
     def _matched(
         self,
         map_: SweepMatcher,
         last: Sweep,
-        world_from_last: NDArray[np.float64],
+        world_from_last: Floats,
         sweep: Sweep,
         expected: Placed | None,
     ) -> "_Match | None":
@@ -284,10 +282,7 @@ class EgoMotion:
         return _Match(found, motion, cloud, map_, during, refined)
 
     def _expected(
-        self,
-        world_from_last: NDArray[np.float64],
-        elapsed_ns: int,
-        turn: NDArray[np.float64] | None,
+        self, world_from_last: Floats, elapsed_ns: int, turn: Floats | None
     ) -> Placed | None:
         """The pose at constant velocity and a measured turn (3, 3) or, without, constant turn rate.
 
@@ -309,7 +304,7 @@ class EgoMotion:
         pose = world_from_last @ motion
         return Placed(pose, covariance, velocity_covariance=self._velocity_covariance(pose))
 
-    def _velocity_covariance(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _velocity_covariance(self, pose: Floats) -> Floats:
         """(6, 6) of the motion during a sweep at a pose, axes of the world; measured turns hold."""
         if self._bending is None:
             return KNOWN_VELOCITY
@@ -318,7 +313,7 @@ class EgoMotion:
         return np.asarray(KNOWN_VELOCITY + axes @ np.diag(variance) @ axes.T, np.float64)
 
     def _map_of(
-        self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None
+        self, sweep: Sweep, pose: Floats, motion: SweepMotion | None = None
     ) -> SweepMatcher:
         matcher = SweepMatcher(self._settings)
         matcher.add(matcher.prepared(sweep, motion), Placed(pose))
@@ -350,7 +345,7 @@ class SensorPoses:
         return self._ego_motion.motion_in(sweep)
 
 
-def _turning_by(turn: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turning_by(turn: Floats, motion: Floats) -> Floats:
     """The motion (4, 4) with another rotation (3, 3), and the same velocity along own axes."""
     velocity = SweepMotion.of_step(motion, 1.0, 0.0).velocity[:3]
     half = Rotation.from_rotvec(Rotation.from_matrix(turn).as_rotvec() / 2)

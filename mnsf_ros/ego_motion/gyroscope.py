@@ -5,9 +5,9 @@ from collections import deque
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.ego_motion.sweep_motion import NUM_TURNS, Turns
 from mnsf_ros.sweeps.rate_track import are_covered
 from mnsf_ros.sweeps.sweep import Sweep
@@ -30,11 +30,11 @@ class Gyroscope:
     def __init__(self, *, is_used: bool) -> None:
         """Starts without a bias; not used, it never gives rotations."""
         self._is_used = is_used
-        self._bias: NDArray[np.float64] = np.zeros(3)
+        self._bias: Floats = np.zeros(3)
         self._num_compared = 0
         self._fits: deque[bool] = deque(maxlen=_MAX_JUDGED)
 
-    def turn(self, sweep: Sweep, start_s: float, end_s: float) -> NDArray[np.float64] | None:
+    def turn(self, sweep: Sweep, start_s: float, end_s: float) -> Floats | None:
         """Returns start_from_end (3, 3) between two times after the stamp; None if unknown."""
         found = self._orientations(sweep, np.array([start_s, end_s])) if self._is_good else None
         return None if found is None else found[-1]
@@ -53,9 +53,7 @@ class Gyroscope:
         table = found[np.searchsorted(times_s, even_s)]
         return Turns(first_s, last_s, table, found[np.searchsorted(times_s, 0.0)])
 
-    def learn(
-        self, sweep: Sweep, start_s: float, end_s: float, registered: NDArray[np.float64]
-    ) -> None:
+    def learn(self, sweep: Sweep, start_s: float, end_s: float, registered: Floats) -> None:
         """Learns from the registered rotation start_from_end (3, 3) between two times."""
         times_s = np.array([start_s, end_s])
         found = self._orientations(sweep, times_s) if self._is_used and end_s > start_s else None
@@ -74,9 +72,7 @@ class Gyroscope:
     def _is_good(self) -> bool:
         return self._num_compared >= _NUM_FIRST and 2 * sum(self._fits) >= len(self._fits)
 
-    def _orientations(
-        self, sweep: Sweep, times_s: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _orientations(self, sweep: Sweep, times_s: Floats) -> Floats | None:
         """(T, 3, 3) rotations first_from_each at increasing times; None where rates are missing."""
         rates, first_s, last_s = sweep.turn_rates, float(times_s[0]), float(times_s[-1])
         if rates is None or not are_covered(rates, first_s, last_s):
@@ -92,15 +88,13 @@ class Gyroscope:
         return np.stack(result)[np.searchsorted(edges_s, times_s)]
 
 
-def fits(turn: NDArray[np.float64], registered: NDArray[np.float64]) -> bool:
+def fits(turn: Floats, registered: Floats) -> bool:
     """Returns whether a rotation by turn rates (3, 3) fits a registered one (3, 3)."""
     missing, angle = _missing(turn, registered)
     return bool(np.linalg.norm(missing) <= max(_MIN_ANGLE, _MAX_SHARE * angle))
 
 
-def _missing(
-    turn: NDArray[np.float64], registered: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
+def _missing(turn: Floats, registered: Floats) -> tuple[Floats, float]:
     """The rotation vector (3,) from a rotation to a registered one, and the larger angle."""
     missing = Rotation.from_matrix(turn.T @ registered).as_rotvec()
     return missing, max(Rotation.from_matrix(each).magnitude() for each in (turn, registered))

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
 from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
@@ -38,7 +38,7 @@ PosedSweep = tuple[Sweep, SensorPose]
 class _View(NamedTuple):
     """A sweep with times in the order of its points, as taken in one moment, and backwards."""
 
-    world_from_sensor: NDArray[np.float64]
+    world_from_sensor: Floats
     clouds: tuple[Cloud, ...]
 
 
@@ -108,7 +108,7 @@ class LidarRotation:
     def _interval_s(self) -> float:
         return float(np.median(self._intervals_s))
 
-    def _is_far(self, pose: NDArray[np.float64]) -> bool:
+    def _is_far(self, pose: Floats) -> bool:
         """Whether the sensor moved by a step since the last view."""
         if not self._views:
             return True
@@ -116,11 +116,7 @@ class LidarRotation:
         return bool(np.linalg.norm(way) > _STEP_M)
 
     def _compare(
-        self,
-        sweep: Sweep,
-        pose: NDArray[np.float64],
-        motion: SweepMotion,
-        settings: EgoMotionSettings,
+        self, sweep: Sweep, pose: Floats, motion: SweepMotion, settings: EgoMotionSettings
     ) -> None:
         """Weighs which times agree best with the view two steps before."""
         near = replace(settings, max_range_m=_NEAR_M)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32, Ints, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.surfaces import add_moments, compare, fit_surfaces
@@ -41,8 +41,8 @@ class Comparison:
 
     support: float
     num_known: int
-    gradient: NDArray[np.float64]
-    curvature: NDArray[np.float64]
+    gradient: Floats
+    curvature: Floats
 
     @property
     def has_velocity(self) -> bool:
@@ -68,7 +68,7 @@ class SurfaceMap:
         self._cell_m = cell_m
         self._num_sweeps = num_sweeps
         self._num_added = 0
-        self._origin: NDArray[np.float64] = np.zeros(3)
+        self._origin: Floats = np.zeros(3)
         self._num = 0
         self._make_room(_MIN_ROOM)
 
@@ -77,7 +77,7 @@ class SurfaceMap:
         """True before the first sweep."""
         return self._num_added == 0
 
-    def add(self, cloud: Cloud, poses: NDArray[np.float64]) -> None:
+    def add(self, cloud: Cloud, poses: Floats) -> None:
         """Adds a cloud whose parts were measured at poses (K, 4, 4)."""
         middle = poses[len(poses) // 2]
         if self.is_empty:
@@ -95,7 +95,7 @@ class SurfaceMap:
         sensor = np.stack([middle[:3, 3] - self._origin, middle[:3, :3] @ cloud.beam_axis])
         fit_surfaces(*where, sensor, self._surfaces)
 
-    def compared(self, cloud: Cloud, poses: NDArray[np.float64], noise_m: float) -> Comparison:
+    def compared(self, cloud: Cloud, poses: Floats, noise_m: float) -> Comparison:
         """Compares a cloud with the map.
 
         Args:
@@ -112,7 +112,7 @@ class SurfaceMap:
             found = compare(*where, self._surfaces, sensor, noise_m, equations)
         return Comparison(*found, *_of_velocity(equations, cloud.part_times_s))
 
-    def _moved(self, cloud: Cloud, poses: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def _moved(self, cloud: Cloud, poses: Floats) -> Floats | None:
         """(N, 3) metres from the origin of the map, axes of the world; None far from it."""
         own = poses[:, :3].copy()
         own[:, :, 3] -= self._origin
@@ -120,7 +120,7 @@ class SurfaceMap:
             return None
         return _transformed(cloud.points, cloud.parts, own)
 
-    def _cells_of(self, points: NDArray[np.float64], *, adding: bool) -> NDArray[np.int32]:
+    def _cells_of(self, points: Floats, *, adding: bool) -> Ints32:
         """(N,) the cells of points (N, 3); -1 where there is none, unless they are added."""
         cells = np.empty(len(points), np.int32)
         self._num = _find_cells(
@@ -153,9 +153,9 @@ class SurfaceMap:
     def _make_room(self, room: int) -> None:
         """Makes an empty table of cells, with twice as many keys as cells for fast search."""
         self._num = 0
-        self._keys: NDArray[np.int64] = np.full(2 * room, -1, np.int64)
-        self._places: NDArray[np.int32] = np.empty(2 * room, np.int32)
-        self._indices: NDArray[np.int64] = np.empty((room, 3), np.int64)
+        self._keys: Ints = np.full(2 * room, -1, np.int64)
+        self._places: Ints32 = np.empty(2 * room, np.int32)
+        self._indices: Ints = np.empty((room, 3), np.int64)
         self._seen = np.zeros(room, np.int64)
         # Sums of the products of (x, y, z, 1) from the middle of the cell.
         self._moments = np.zeros((room, 4, 4))
@@ -163,9 +163,7 @@ class SurfaceMap:
         self._surfaces = np.zeros((room, 4, 3))  # the center, and the weights
 
 
-def _of_velocity(
-    equations: NDArray[np.float64], times_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _of_velocity(equations: Floats, times_s: Floats) -> tuple[Floats, Floats]:
     """Gradient (U,) and curvature (U, U) by the equations (K, 6, 7) of parts at some times (K,).
 
     A velocity moves a part in proportion to its time.
@@ -178,9 +176,7 @@ def _of_velocity(
 
 
 @compiled("float64[:, ::1](float32[:, ::1], int32[::1], float64[:, :, ::1])")
-def _transformed(
-    points: NDArray[np.float32], parts: NDArray[np.int32], transforms: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _transformed(points: Floats32, parts: Ints32, transforms: Floats) -> Floats:
     result = np.empty((len(points), 3))
     for row in range(len(points)):
         part, x, y, z = parts[row], points[row, 0], points[row, 1], points[row, 2]
@@ -196,14 +192,14 @@ def _transformed(
     " int32[::1])"
 )
 def _find_cells(
-    points: NDArray[np.float64],
+    points: Floats,
     cells_per_m: float,
     adding: bool,
     number: int,
-    keys: NDArray[np.int64],
-    places: NDArray[np.int32],
-    indices: NDArray[np.int64],
-    cells: NDArray[np.int32],
+    keys: Ints,
+    places: Ints32,
+    indices: Ints,
+    cells: Ints32,
 ) -> int:
     """Finds the cell of each point in a table with open addressing; returns how many there are."""
     last = len(keys) - 1

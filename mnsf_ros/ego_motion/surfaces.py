@@ -9,8 +9,8 @@ a single laser do not count in the direction of its elevation.
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Ints, Ints32
 from mnsf_ros.compiled import compiled
 
 # A surface needs this many points. It is fitted again when a fifth of its points are new.
@@ -28,12 +28,7 @@ _NUM_TURNS: Final = 9
     "void(float64[:, ::1], int32[::1], int64[:, ::1], float64, float64[:, :, ::1], float64[::1])"
 )
 def add_moments(
-    points: NDArray[np.float64],
-    cells: NDArray[np.int32],
-    indices: NDArray[np.int64],
-    cell_m: float,
-    moments: NDArray[np.float64],
-    num_new: NDArray[np.float64],
+    points: Floats, cells: Ints32, indices: Ints, cell_m: float, moments: Floats, num_new: Floats
 ) -> None:
     """Adds points to the moments of their cells.
 
@@ -59,7 +54,7 @@ def add_moments(
 
 
 @compiled("void(float64[:, ::1], float64[:, ::1])")
-def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
+def _find_axes(spread: Floats, axes: Floats) -> None:
     """Diagonalizes a symmetric (3, 3) matrix; columns of `axes`: its eigenvectors (Jacobi)."""
     for row in range(3):
         for column in range(3):
@@ -88,12 +83,7 @@ def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
 
 
 @compiled("void(float64[:, ::1], float64[::1], float64[::1], float64[::1])")
-def _find_unseen(
-    spread: NDArray[np.float64],
-    ray: NDArray[np.float64],
-    beam_axis: NDArray[np.float64],
-    unseen: NDArray[np.float64],
-) -> None:
+def _find_unseen(spread: Floats, ray: Floats, beam_axis: Floats, unseen: Floats) -> None:
     """Direction of the elevation of lasers; its squared length is the share that is unknown.
 
     The points of one laser lie in the plane of its rays on any surface, and move along with the
@@ -118,13 +108,7 @@ def _find_unseen(
 
 
 @compiled("void(float64[:, ::1], float64[:, ::1], float64, float64[::1], float64[::1])")
-def _weigh(
-    spread: NDArray[np.float64],
-    axes: NDArray[np.float64],
-    cell_m: float,
-    unseen: NDArray[np.float64],
-    weights: NDArray[np.float64],
-) -> None:
+def _weigh(spread: Floats, axes: Floats, cell_m: float, unseen: Floats, weights: Floats) -> None:
     """Weights of the three axes, by the variances of the points along them."""
     rough = _ROUGHNESS_M**2
     least, most = 0, 0
@@ -150,13 +134,13 @@ def _weigh(
     " float64[:, :, ::1])"
 )
 def fit_surfaces(
-    cells: NDArray[np.int32],
-    indices: NDArray[np.int64],
+    cells: Ints32,
+    indices: Ints,
     cell_m: float,
-    moments: NDArray[np.float64],
-    num_new: NDArray[np.float64],
-    sensor: NDArray[np.float64],
-    surfaces: NDArray[np.float64],
+    moments: Floats,
+    num_new: Floats,
+    sensor: Floats,
+    surfaces: Floats,
 ) -> None:
     """Fits the surfaces (C, 4, 3) of cells with enough points and enough new ones.
 
@@ -204,9 +188,9 @@ def _add_equations(
     arm: tuple[float, float, float],
     pull: tuple[float, float, float],
     cell: int,
-    surfaces: NDArray[np.float64],
+    surfaces: Floats,
     part: int,
-    equations: NDArray[np.float64],
+    equations: Floats,
 ) -> None:
     """Adds the equation of one point; a turn moves it by its product with the arm to the sensor."""
     turn = _cross(arm, *pull)
@@ -233,13 +217,13 @@ def _add_equations(
     " UniTuple(float64, 3), float64, float64[:, :, ::1])"
 )
 def compare(
-    points: NDArray[np.float64],
-    parts: NDArray[np.int32],
-    cells: NDArray[np.int32],
-    surfaces: NDArray[np.float64],
+    points: Floats,
+    parts: Ints32,
+    cells: Ints32,
+    surfaces: Floats,
     sensor: tuple[float, float, float],
     noise_m: float,
-    equations: NDArray[np.float64],
+    equations: Floats,
 ) -> tuple[float, int]:
     """Compares points with the surfaces of their cells.
 

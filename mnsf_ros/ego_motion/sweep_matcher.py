@@ -3,13 +3,13 @@
 
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.surface_map import Comparison, SurfaceMap
@@ -64,13 +64,13 @@ class Placed:
         velocity_covariance: (6, 6) of it; the expected velocity is 0.
     """
 
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.eye(6))
-    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
-    velocity_covariance: NDArray[np.float64] = field(default_factory=KNOWN_VELOCITY.copy)
+    pose: Floats
+    covariance: Floats = field(default_factory=lambda: np.eye(6))
+    velocity: Floats = field(default_factory=lambda: np.zeros(6))
+    velocity_covariance: Floats = field(default_factory=KNOWN_VELOCITY.copy)
 
     @property
-    def information(self) -> NDArray[np.floating[Any]]:
+    def information(self) -> AnyFloats:
         """(3, 3) inverse of the covariance of the position."""
         return np.linalg.inv(self.covariance[:3, :3])
 
@@ -117,7 +117,7 @@ class SweepMatcher:
                 return found
         return self._searched(cloud)
 
-    def share_matched(self, cloud: Cloud, expected: NDArray[np.float64]) -> float:
+    def share_matched(self, cloud: Cloud, expected: Floats) -> float:
         """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
         start = Placed(expected)
         _, there = self._aligned(cloud, start, start)
@@ -140,7 +140,7 @@ class SweepMatcher:
         settled = [self._aligned(cloud, each, each) for each in wide]
         return _known(cloud, *max(settled, key=lambda found: _likelihood(found[1])))
 
-    def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
+    def _starts(self, cloud: Cloud) -> list[Floats]:
         """The last pose, and the most promising of many around it."""
         stride = max(1, cloud.num_standing // _SEARCH_POINTS)
         some = cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
@@ -187,12 +187,12 @@ class SweepMatcher:
         return replace(expected, pose=pose, velocity=velocity), there
 
 
-def _distance_m(shift: NDArray[np.float64], turn: NDArray[np.float64]) -> float:
+def _distance_m(shift: Floats, turn: Floats) -> float:
     """How far distant points move by a shift, metres, and a turn, radians or matrix change."""
     return float(np.abs(shift).max() + _FAR_M * np.abs(turn).max())
 
 
-def _posterior(pose: NDArray[np.float64], there: Comparison, expected: Placed) -> float:
+def _posterior(pose: Floats, there: Comparison, expected: Placed) -> float:
     """Score of a pose: support minus squared Mahalanobis distance to the expected position."""
     off = pose[:3, 3] - expected.pose[:3, 3]
     return float(there.support - off @ expected.information @ off)
@@ -215,7 +215,7 @@ def _known(cloud: Cloud, found: Placed, there: Comparison) -> Placed | None:
     return replace(found, covariance=covariance) if is_held and is_known else None
 
 
-def _covariance(found: Placed, there: Comparison) -> NDArray[np.float64]:
+def _covariance(found: Placed, there: Comparison) -> Floats:
     """(6, 6) of a pose: from the expected position and the points.
 
     Points have independent errors and a bias common to all.
@@ -231,13 +231,13 @@ def _covariance(found: Placed, there: Comparison) -> NDArray[np.float64]:
     return np.stack([solved(information, axis) for axis in np.eye(len(information))])[:6, :6]
 
 
-def _least(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least(curvature: Floats) -> Floats:
     """(U, U) small curvature that keeps unconstrained directions in place."""
     return np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
 
 
 @compiled("float64[::1](float64[:, ::1], float64[::1])")
-def solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solved(matrix: Floats, right: Floats) -> Floats:
     """Returns (N,) x with matrix x = right, for a positive definite (N, N) matrix, by elimination.
 
     The digits of a BLAS may depend on its threads, even for six unknowns.

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.compiled import compiled
 
 # Along x, y and z, and about them. A vehicle pitches, rolls and heaves on its springs, and a robot
@@ -39,13 +39,11 @@ class Turns:
 
     first_s: float
     last_s: float
-    table: NDArray[np.float64]
-    moment_from_stamp: NDArray[np.float64]
+    table: Floats
+    moment_from_stamp: Floats
 
     @classmethod
-    def steady(
-        cls, rate: NDArray[np.float64], moment_s: float, times_s: NDArray[np.float32]
-    ) -> "Turns":
+    def steady(cls, rate: Floats, moment_s: float, times_s: Floats32) -> "Turns":
         """Returns the rotations at a constant rate (3,), rad/s, in the span of some times (N,)."""
         first_s, last_s = (float(end(times_s, initial=moment_s)) for end in (np.min, np.max))
         elapsed_s = np.append(np.linspace(first_s, last_s, NUM_TURNS), 0.0) - moment_s
@@ -65,15 +63,13 @@ class SweepMotion:
             the sensor does not sway.
     """
 
-    velocity: NDArray[np.float64]
+    velocity: Floats
     moment_s: float
     turns: Turns | None = None
-    variance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    variance: Floats = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
-    def of_step(
-        cls, step: NDArray[np.float64], interval_s: float, moment_s: float
-    ) -> "SweepMotion":
+    def of_step(cls, step: Floats, interval_s: float, moment_s: float) -> "SweepMotion":
         """Returns the motion of a step before_from_after (4, 4) within an interval above 0."""
         turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
         # The step is in the axes of its beginning; in a bend the sensor moves along those of the
@@ -82,7 +78,7 @@ class SweepMotion:
         return cls(np.concatenate([shift, turn]) / interval_s, moment_s)
 
     @property
-    def moment_from_stamp(self) -> NDArray[np.float64]:
+    def moment_from_stamp(self) -> Floats:
         """(4, 4) pose of the sensor at the stamp, in its frame at the moment."""
         pose = np.eye(4)
         pose[:3, :3] = self._turns_at(np.zeros(1, np.float32)).moment_from_stamp
@@ -103,7 +99,7 @@ class SweepMotion:
         variance = self.variance + _VARIANCE_GAIN * (_SWAYS * change**2 - self.variance)
         return replace(newer, velocity=self.velocity + _GAINS * change, variance=variance)
 
-    def moved(self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
+    def moved(self, xyz: Floats32, times_s: Floats32) -> Floats32:
         """Returns static points as seen at the moment.
 
         Args:
@@ -115,33 +111,24 @@ class SweepMotion:
         """
         return self._moved(xyz, times_s, self.velocity[:3])
 
-    def moved_back(
-        self, xyz: NDArray[np.float32], times_s: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    def moved_back(self, xyz: Floats32, times_s: Floats32) -> Floats32:
         """Returns static points (N, 3) of the moment as the sensor sees them at `times_s` (N,)."""
         return self._moved(xyz, times_s, self.velocity[:3], back=True)
 
-    def turned_back(
-        self, vectors: NDArray[np.float32], times_s: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    def turned_back(self, vectors: Floats32, times_s: Floats32) -> Floats32:
         """Returns vectors (N, 3), given in axes of the moment, in sensor axes at `times_s` (N,)."""
         return self._moved(vectors, times_s, np.zeros(3), back=True)
 
     def _moved(
-        self,
-        vectors: NDArray[np.float32],
-        times_s: NDArray[np.float32],
-        velocity: NDArray[np.float64],
-        *,
-        back: bool = False,
-    ) -> NDArray[np.float32]:
+        self, vectors: Floats32, times_s: Floats32, velocity: Floats, *, back: bool = False
+    ) -> Floats32:
         turns = self._turns_at(times_s)
         table = turns.table.transpose(0, 2, 1) if back else turns.table
         span = turns.first_s, turns.last_s, self.moment_s
         rotations = np.ascontiguousarray(table, np.float32)
         return _moved_by(vectors, times_s, *span, rotations, velocity.astype(np.float32), back)
 
-    def _turns_at(self, times_s: NDArray[np.float32]) -> Turns:
+    def _turns_at(self, times_s: Floats32) -> Turns:
         """The measured rotations, else those of a constant rate at the times (N,)."""
         return self.turns or Turns.steady(self.velocity[3:], self.moment_s, times_s)
 
@@ -151,15 +138,15 @@ class SweepMotion:
     " float32[::1], boolean)"
 )
 def _moved_by(
-    vectors: NDArray[np.float32],
-    times_s: NDArray[np.float32],
+    vectors: Floats32,
+    times_s: Floats32,
     first_s: float,
     last_s: float,
     moment_s: float,
-    table: NDArray[np.float32],
-    velocity: NDArray[np.float32],
+    table: Floats32,
+    velocity: Floats32,
     back: bool,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """(N, 3) each vector turned by the rotation at its time, linear between those of a table.
 
     Then it moves with the velocity for the time since the moment; backwards, it moves back first.

@@ -16,11 +16,12 @@ All are means over all points of all examples, so an example gives sums, which a
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Group of points to their number, sum of errors (m) and sum of motion without ego motion (m).
@@ -48,9 +49,7 @@ _OBJECTS: Final = {
 }
 
 
-def three_way_sums(
-    errors_m: NDArray[np.float64], dynamic: NDArray[np.bool_], class_id: NDArray[np.uint8]
-) -> Sums:
+def three_way_sums(errors_m: Floats, dynamic: Bools, class_id: NDArray[np.uint8]) -> Sums:
     """Adds up end point errors (N,) in metres over the three groups of the three-way EPE.
 
     Groups without points are missing.
@@ -62,10 +61,7 @@ def three_way_sums(
 
 
 def bucket_sums(
-    errors_m: NDArray[np.float64],
-    motion_m: NDArray[np.float64],
-    xy: NDArray[np.floating[Any]],
-    class_id: NDArray[np.uint8],
+    errors_m: Floats, motion_m: Floats, xy: AnyFloats, class_id: NDArray[np.uint8]
 ) -> Sums:
     """Adds up errors and motion of each class and bucket, as `CLASS/bucket`, the first one is 0.
 
@@ -85,9 +81,7 @@ def bucket_sums(
     return sums
 
 
-def range_sums(
-    errors_m: NDArray[np.float64], motion_m: NDArray[np.float64], range_m: NDArray[np.float64]
-) -> Sums:
+def range_sums(errors_m: Floats, motion_m: Floats, range_m: Floats) -> Sums:
     """Adds up errors of static and dynamic points by range (N,), otherwise as `bucket_sums`."""
     places = np.searchsorted(list(_RANGES.values()), range_m, side="right")
     groups = 2 * places + (motion_m >= _MOVING_M)
@@ -142,5 +136,5 @@ def over_all_points(parts: Iterable[Mapping[str, list[float]]]) -> dict[str, flo
     }
 
 
-def _sums(errors_m: NDArray[np.float64], motion_m: NDArray[np.float64]) -> list[float]:
+def _sums(errors_m: Floats, motion_m: Floats) -> list[float]:
     return [float(len(errors_m)), math.fsum(errors_m), math.fsum(motion_m)]

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32
 from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
@@ -34,7 +34,7 @@ class Example:
     truth: FlowTruth | None = None  # of all points of the current sweep, row for row
 
     @property
-    def scored(self) -> NDArray[np.bool_]:
+    def scored(self) -> Bools:
         """The points (N,) of the current sweep that are scored, the same for all methods."""
         current = self.triplet.current
         return np.ones(len(current), dtype=bool) if current.kept is None else current.kept
@@ -66,11 +66,8 @@ def read_examples(
 
 
 def kept_points(
-    xyz: NDArray[np.float32],
-    stamp_ns: int,
-    true_ground: NDArray[np.bool_] | None,
-    options: EvaluationOptions,
-) -> NDArray[np.bool_]:
+    xyz: Floats32, stamp_ns: int, true_ground: Bools | None, options: EvaluationOptions
+) -> Bools:
     """Returns a mask (N,) of the points to estimate and score, the same for all methods.
 
     `xyz` is (N, 3) metres, levelled. Each stamp has its own random choice, the same in each run.
@@ -154,7 +151,7 @@ class ExampleBuilder:
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
         return truth
 
-    def _pose_of(self, sweep: Sweep) -> NDArray[np.float64] | None:
+    def _pose_of(self, sweep: Sweep) -> Floats | None:
         if self._poses is None:
             return None
         pose = self._poses.pose_at(sweep.stamp_ns)
@@ -165,7 +162,7 @@ class ExampleBuilder:
         return pose.world_from_frame
 
 
-def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
+def _motion(current: Sweep, following: Sweep) -> Floats | None:
     if current.odometry is None or following.odometry is None:
         return None
     return np.linalg.inv(following.odometry) @ current.odometry

@@ -4,8 +4,8 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.errors import DatasetError
@@ -35,9 +35,9 @@ def exported_sweeps(
     stream = Stream(options.settings, method)
     options = options.for_methods([EvaluatedMethod(method, stream.traits)], pairs=True)
     ground = options.settings.ground
-    following: tuple[Sweep, NDArray[np.float64]] | None = None
+    following: tuple[Sweep, Floats] | None = None
 
-    def without_flow(sweep: Sweep, pose: NDArray[np.float64]) -> ExportedSweep:
+    def without_flow(sweep: Sweep, pose: Floats) -> ExportedSweep:
         return ExportedSweep(sweep, ground_mask(sweep.xyz, ground), pose)
 
     for example in read_examples(recording, options, Findings()):
@@ -57,9 +57,7 @@ def exported_sweeps(
         yield without_flow(*following)
 
 
-def _poses(
-    example: Example, estimate: FlowEstimate | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _poses(example: Example, estimate: FlowEstimate | None) -> tuple[Floats, Floats]:
     current, motion = example.triplet.current, example.triplet.next_from_current
     if current.odometry is not None and motion is not None:
         return current.odometry, motion

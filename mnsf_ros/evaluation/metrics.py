@@ -20,6 +20,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats
+
 _STRICT: Final = 0.05  # metres, and share of the true length
 _RELAXED: Final = 0.10
 _OUTLIER_M: Final = 0.30
@@ -63,19 +65,14 @@ def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
     )
 
 
-def by_motion(
-    estimate: NDArray[Any], truth: NDArray[Any], dynamic: NDArray[np.bool_]
-) -> dict[str, FlowErrors]:
+def by_motion(estimate: NDArray[Any], truth: NDArray[Any], dynamic: Bools) -> dict[str, FlowErrors]:
     """Scores `all` points, those that are `dynamic` (N,), and those that are `static`."""
     parts = {"all": np.ones_like(dynamic), "dynamic": dynamic, "static": ~dynamic}
     return {name: flow_errors(estimate[mask], truth[mask]) for name, mask in parts.items()}
 
 
 def errors_by_band(
-    estimate: NDArray[Any],
-    truth: NDArray[Any],
-    values: NDArray[np.float64],
-    limits: tuple[float, ...],
+    estimate: NDArray[Any], truth: NDArray[Any], values: Floats, limits: tuple[float, ...]
 ) -> dict[str, FlowErrors]:
     """Scores points in bands of values (N,) from 0 to ascending upper limits, the last infinite.
 
@@ -96,12 +93,12 @@ def mean(values: Sequence[float]) -> float:
     return math.fsum(numbers) / len(numbers) if numbers else math.nan
 
 
-def end_point_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+def end_point_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> Floats:
     """Distance (N,) between estimated and true vectors (N, 3), metres."""
     return _lengths(np.subtract(estimate, truth, dtype=np.float64))
 
 
-def _angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+def _angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> Floats:
     """Angle (N,) between estimated and true vectors (N, 3), radians; π/2 without direction."""
     with np.errstate(divide="ignore", invalid="ignore"):
         directions = [vectors / _lengths(vectors)[:, None] for vectors in (estimate, truth)]
@@ -110,5 +107,5 @@ def _angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.flo
     return np.arccos(np.nan_to_num(cosines, nan=0.0))
 
 
-def _lengths(vectors: NDArray[Any]) -> NDArray[np.float64]:
+def _lengths(vectors: NDArray[Any]) -> Floats:
     return np.linalg.norm(vectors.astype(np.float64), axis=1)

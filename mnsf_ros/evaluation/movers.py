@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints, Ints32
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.recording.flow_truth import SurfaceClass
@@ -93,14 +94,14 @@ class MoverRow:
 class TrueMotion:
     """The truth of the M scored points of a sweep."""
 
-    xyz: NDArray[np.float32]  # (M, 3) metres, sensor frame
-    velocity: NDArray[np.float64]  # (M, 3) m/s over ground, axes of the current sweep
-    dynamic: NDArray[np.bool_]  # (M,)
+    xyz: Floats32  # (M, 3) metres, sensor frame
+    velocity: Floats  # (M, 3) m/s over ground, axes of the current sweep
+    dynamic: Bools  # (M,)
     class_id: NDArray[np.uint8]  # (M,) `SurfaceClass`, 0 if unknown
     object_id: NDArray[Any] | None  # (M,) 0 for points of no object; None if unknown
     interval_s: float = USUAL_INTERVAL_S  # to the next sweep
 
-    def mean_motion(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def mean_motion(self, rows: Ints) -> Floats:
         """Returns the mean motion (3,) of some points until the next sweep, metres over ground."""
         return self.velocity[rows].mean(axis=0) * self.interval_s
 
@@ -108,8 +109,8 @@ class TrueMotion:
 def mover_row(
     truth: TrueMotion,
     estimate: OverGround,
-    rows: NDArray[np.int64],
-    reason_of: Callable[[NDArray[np.int64]], Reason] | None = None,
+    rows: Ints,
+    reason_of: Callable[[Ints], Reason] | None = None,
 ) -> MoverRow:
     """Scores the movers of an estimate; `rows` (M,) of it belong to the points of the truth.
 
@@ -134,9 +135,7 @@ def mover_row(
     )
 
 
-def _num_ghosts(
-    motions: NDArray[np.float32], tracks: NDArray[np.int32], is_mover: NDArray[np.bool_]
-) -> int:
+def _num_ghosts(motions: Floats32, tracks: Ints32, is_mover: Bools) -> int:
     """Number of tracked objects, and of motions without one, that are mostly static in truth."""
     num_ghosts = 0
     for part, names in ((tracks > 0, tracks[:, None]), (tracks == 0, motions)):
@@ -150,11 +149,8 @@ def _num_ghosts(
 
 
 def _object_rows(
-    truth: TrueMotion,
-    called: NDArray[np.bool_],
-    tracks: NDArray[np.int32],
-    objects: Sequence[TrackedObject],
-) -> Iterator[tuple[ObjectRow, NDArray[np.int64]]]:
+    truth: TrueMotion, called: Bools, tracks: Ints32, objects: Sequence[TrackedObject]
+) -> Iterator[tuple[ObjectRow, Ints]]:
     """Each mover or object called one, and its rows in the truth."""
     if truth.object_id is None:
         return
@@ -186,7 +182,7 @@ def _object_rows(
         yield item, own
 
 
-def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
+def _standing(truth: TrueMotion, called: Bools) -> list[int]:
     if truth.object_id is None:
         return []
     ids, owners, counts = np.unique(truth.object_id, return_inverse=True, return_counts=True)
@@ -197,7 +193,7 @@ def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
     return ids[stands & (share < _FOUND_SHARE)].tolist()
 
 
-def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:
+def lost_by(reason: Reason, true_motion: Floats) -> LostBy:
     """Returns the stage that rejected a missed mover, by the reason of the decision on its points.
 
     `true_motion` is (3,) metres over ground until the next sweep.
@@ -219,9 +215,7 @@ def _kind(class_id: int) -> str:
     return SurfaceClass(class_id).name.lower().replace("_", " ") if known else "unknown"
 
 
-def _velocity_errors(
-    velocity: NDArray[np.float64], track: TrackedObject | None
-) -> tuple[float, float]:
+def _velocity_errors(velocity: Floats, track: TrackedObject | None) -> tuple[float, float]:
     """Errors of velocity, m/s, and of its direction, radians; NaN if they do not count."""
     if track is None or track.age_s < _SETTLED_S - _TINY_S:
         return math.nan, math.nan

@@ -11,8 +11,8 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S
 from mnsf_ros.drawing.street_picture import animation, frame
@@ -101,7 +101,7 @@ def sweep_picture(example: Example, estimate: FlowEstimate, *, with_errors: bool
     """
     truth, known = example.truth, estimate.over_ground
     interval_s = np.float32(example.triplet.interval_s or USUAL_INTERVAL_S)
-    motions: list[NDArray[np.float32]] = []
+    motions: list[Floats32] = []
     if truth is not None:
         own = _own_motion(example, np.where(truth.valid[:, None], truth.flow, np.float32(np.nan)))
         motions.append(np.where(truth.dynamic[:, None], own, np.float32(0.0)))
@@ -114,12 +114,12 @@ def sweep_picture(example: Example, estimate: FlowEstimate, *, with_errors: bool
     return frame(example.triplet.current.xyz, velocities, FULL_COLOR_M_S, errors_m)
 
 
-def _own_motion(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float32]:
+def _own_motion(example: Example, flow: Floats32) -> Floats32:
     """Flow (N, 3) without ego motion, which is fitted to the flow if unknown."""
     xyz, motion = example.triplet.current.xyz, example.triplet.next_from_current
     return residual_flow(xyz, flow, fit_rigid_motion(xyz, flow) if motion is None else motion)
 
 
-def _without_slow(velocity: NDArray[np.float32]) -> NDArray[np.float32]:
+def _without_slow(velocity: Floats32) -> Floats32:
     speeds_m_s = np.hypot(velocity[:, 0], velocity[:, 1])
     return np.where(speeds_m_s[:, None] >= _SLOW_M_S, velocity, np.float32(0.0))

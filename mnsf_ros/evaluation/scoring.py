@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import Sums, bucket_sums, range_sums, three_way_sums
@@ -126,7 +126,7 @@ def scored_row(
     return _with_errors(row, example, example.truth, estimate, answered)
 
 
-def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
+def _answered(example: Example, estimate: FlowEstimate) -> Bools:
     """The points (N,) with a flow; all kept points must have one."""
     num_points = len(example.triplet.current)
     if estimate.flow.shape != (num_points, 3) or estimate.kept.shape != (num_points,):
@@ -143,9 +143,7 @@ def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
     return answered
 
 
-def true_motion(
-    example: Example, truth: FlowTruth, rows: NDArray[np.int64]
-) -> tuple[TrueMotion, NDArray[np.float64]]:
+def true_motion(example: Example, truth: FlowTruth, rows: Ints) -> tuple[TrueMotion, Floats]:
     """Returns the true motion of some points (M,) over ground, and its length (M,).
 
     The length is in metres until the next sweep. The truth must be valid for all points.
@@ -163,9 +161,7 @@ def true_motion(
     return TrueMotion(xyz, *known), np.linalg.norm(own, axis=1)
 
 
-def _of_one_time(
-    times_s: NDArray[np.float32] | None, number: int
-) -> list[slice] | list[NDArray[np.int64]]:
+def _of_one_time(times_s: Floats32 | None, number: int) -> list[slice] | list[Ints]:
     """Returns parts of a sweep by time, as ego motion changes in a bend; one without times."""
     if times_s is None or number < _NUM_TIMES * _MIN_STATIC:
         return [slice(None)]
@@ -173,11 +169,8 @@ def _of_one_time(
 
 
 def _sensor_motion(
-    xyz: NDArray[np.float32],
-    true_flow: NDArray[np.float32],
-    dynamic: NDArray[np.bool_],
-    odometry: NDArray[np.float64] | None,
-) -> NDArray[np.float64]:
+    xyz: Floats32, true_flow: Floats32, dynamic: Bools, odometry: Floats | None
+) -> Floats:
     """(4, 4) next_from_current, from the true flow of static points: odometry may be worse."""
     static = xyz[~dynamic]
     if odometry is not None and not _fix_a_motion(static):
@@ -185,7 +178,7 @@ def _sensor_motion(
     return fit_rigid_motion(static, true_flow[~dynamic])
 
 
-def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
+def _fix_a_motion(xyz: Floats32) -> bool:
     if len(xyz) < _MIN_STATIC:
         return False
     variances = np.linalg.eigvalsh(np.cov(xyz.astype(np.float64).T))
@@ -193,11 +186,7 @@ def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
 
 
 def _with_errors(
-    row: ResultRow,
-    example: Example,
-    truth: FlowTruth,
-    estimate: FlowEstimate,
-    answered: NDArray[np.bool_],
+    row: ResultRow, example: Example, truth: FlowTruth, estimate: FlowEstimate, answered: Bools
 ) -> ResultRow:
     rows = np.flatnonzero(truth.valid & answered & example.scored)
     known, own_m = true_motion(example, truth, rows)
@@ -223,9 +212,7 @@ def _with_errors(
     )
 
 
-def landing_distances(
-    triplet: SweepTriplet, flow: NDArray[np.float32], points: NDArray[np.bool_]
-) -> dict[str, float]:
+def landing_distances(triplet: SweepTriplet, flow: Floats32, points: Bools) -> dict[str, float]:
     """Returns the mean distance of points to the nearest point of the next sweep, metres.
 
     `flow` is (N, 3) metres, finite at the measured `points` (N,).

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.arrays import Bools, Floats, Ints
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.tracks import decoded
@@ -112,7 +112,7 @@ class TruthTrack:
             return None, num_skipped
 
 
-def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a PointCloud2
+def _positions(message: Any) -> Floats | None:  # noqa: ANN401 - a PointCloud2
     """Positions (N, 3) in the rows of a truth cloud, if it has them."""
     points = decode_points(message).ravel()
     if not set("xyz") <= set(points.dtype.names or ()):
@@ -122,14 +122,14 @@ def _positions(message: Any) -> NDArray[np.float64] | None:  # noqa: ANN401 - a 
         return np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
 
 
-def _is_near(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.bool_]:
+def _is_near(positions: Floats, sweep: Sweep) -> Bools:
     """Whether each position (N, 3) equals the point in the same row of a sweep."""
     with np.errstate(all="ignore"):
         near = np.isclose(positions, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
     return np.asarray(near.all(axis=1))
 
 
-def _nearest_rows(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.int64]:
+def _nearest_rows(positions: Floats, sweep: Sweep) -> Ints:
     """Row of the nearest position (M, 3) for each point of a sweep."""
     finite = np.flatnonzero(np.isfinite(positions).all(axis=1))
     # A tree of equal points takes the square of their number.
@@ -141,7 +141,7 @@ def _nearest_rows(positions: NDArray[np.float64], sweep: Sweep) -> NDArray[np.in
     return finite[first[nearest]]
 
 
-def _without(truth: FlowTruth, unfit: NDArray[np.bool_], findings: Findings) -> FlowTruth:
+def _without(truth: FlowTruth, unfit: Bools, findings: Findings) -> FlowTruth:
     """Counts unfit rows (N,), and marks them as not valid."""
     if not unfit.any():
         return truth

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints, Ints32
 from mnsf_ros.compiled import compiled
 
 # No search goes farther: a residual is at most this, and parts of one mover are no farther apart.
@@ -30,7 +31,7 @@ class PointGrid:
         own = np.ascontiguousarray(points, np.float32)
         self.starts, self.points, self._rows = _in_buckets(own)
 
-    def nearest(self, places: NDArray[np.floating], reach_m: float = REACH_M) -> NDArray[np.int64]:
+    def nearest(self, places: NDArray[np.floating], reach_m: float = REACH_M) -> Ints:
         """Returns (P,) the row of the point nearest to each place, -1 where none is in reach.
 
         Args:
@@ -40,9 +41,7 @@ class PointGrid:
         own = np.ascontiguousarray(places, np.float32)
         return _rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
 
-    def within_reach(
-        self, places: NDArray[np.float32], owners: NDArray[np.int64], of_points: NDArray[np.int64]
-    ) -> NDArray[np.bool_]:
+    def within_reach(self, places: Floats32, owners: Ints, of_points: Ints) -> Bools:
         """Returns (K, K) which owners of places have a point of which other owner in reach.
 
         Args:
@@ -56,14 +55,14 @@ class PointGrid:
 
     def compared(
         self,
-        positions: NDArray[np.float32],
-        owners: NDArray[np.int64],
-        motions: NDArray[np.float32],
-        transform: NDArray[np.float64],
-        within_m: NDArray[np.float32],
-        limits_m: NDArray[np.float32] | None = None,
-        max_sum_m: NDArray[np.float64] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        positions: Floats32,
+        owners: Ints,
+        motions: Floats32,
+        transform: Floats,
+        within_m: Floats32,
+        limits_m: Floats32 | None = None,
+        max_sum_m: Floats | None = None,
+    ) -> tuple[Floats, Floats, Ints]:
         """Compares the points of objects with those of the grid.
 
         Args:
@@ -106,9 +105,7 @@ def _hashed(across: int, along: int, up: int) -> int:
 
 
 @compiled("Tuple((int32[::1], float32[:, ::1], int32[::1]))(float32[:, ::1])")
-def _in_buckets(
-    points: NDArray[np.float32],
-) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.int32]]:
+def _in_buckets(points: Floats32) -> tuple[Ints32, Floats32, Ints32]:
     """Sorts points (T, 3), in metres, by the buckets of their cells.
 
     Returns:
@@ -149,8 +146,8 @@ def _nearer(
     row: int,
     least: np.float32,
     enough: np.float32,
-    starts: NDArray[np.int32],
-    points: NDArray[np.float32],
+    starts: Ints32,
+    points: Floats32,
 ) -> tuple[int, np.float32]:
     """The row of the nearest point in a bucket and its squared distance, if that is below least.
 
@@ -178,8 +175,8 @@ def _nearest(
     pz: np.float32,
     within_m: np.float32,
     reach_m: np.float32,
-    starts: NDArray[np.int32],
-    points: NDArray[np.float32],
+    starts: Ints32,
+    points: Floats32,
 ) -> tuple[int, np.float32]:
     """The row of the nearest point, -1 without one in reach, and its squared distance."""
     row, least = -1, reach_m * reach_m
@@ -214,13 +211,8 @@ def _nearest(
     "boolean[:, ::1](float32[:, ::1], int64[::1], int64[::1], int64, int32[::1], float32[:, ::1])"
 )
 def _within_reach(
-    places: NDArray[np.float32],
-    owners: NDArray[np.int64],
-    of_points: NDArray[np.int64],
-    number: int,
-    starts: NDArray[np.int32],
-    points: NDArray[np.float32],
-) -> NDArray[np.bool_]:
+    places: Floats32, owners: Ints, of_points: Ints, number: int, starts: Ints32, points: Floats32
+) -> Bools:
     """Loop of `PointGrid.within_reach`; owners of points are in the order of their buckets."""
     are_near = np.zeros((number, number), np.bool_)
     for row in range(len(places)):
@@ -244,12 +236,8 @@ def _within_reach(
 
 @compiled("int64[::1](float32[:, ::1], float32, int32[::1], float32[:, ::1], int32[::1])")
 def _rows_of_nearest(
-    places: NDArray[np.float32],
-    reach_m: np.float32,
-    starts: NDArray[np.int32],
-    points: NDArray[np.float32],
-    rows: NDArray[np.int32],
-) -> NDArray[np.int64]:
+    places: Floats32, reach_m: np.float32, starts: Ints32, points: Floats32, rows: Ints32
+) -> Ints:
     """Loop of `PointGrid.nearest`."""
     found = np.empty(len(places), np.int64)
     for place in range(len(places)):
@@ -265,16 +253,16 @@ def _rows_of_nearest(
     " float32[::1], float64[::1], int32[::1], float32[:, ::1])"
 )
 def _compared(
-    positions: NDArray[np.float32],
-    owners: NDArray[np.int64],
-    motions: NDArray[np.float32],
-    transform: NDArray[np.float32],
-    within_m: NDArray[np.float32],
-    limits_m: NDArray[np.float32],
-    max_sum_m: NDArray[np.float64],
-    starts: NDArray[np.int32],
-    points: NDArray[np.float32],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    positions: Floats32,
+    owners: Ints,
+    motions: Floats32,
+    transform: Floats32,
+    within_m: Floats32,
+    limits_m: Floats32,
+    max_sum_m: Floats,
+    starts: Ints32,
+    points: Floats32,
+) -> tuple[Floats, Floats, Ints]:
     """Loop of `PointGrid.compared`."""
     distances = np.zeros(len(motions))
     vectors = np.zeros((len(motions), 3))

@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32, Ints
 from mnsf_ros.compiled import compiled
 
 # Cell numbers have 21 bits an axis; points farther out are in the outermost cells.
@@ -18,7 +18,7 @@ MAX_CELLS_PER_AXIS: Final = 2048
 
 
 @compiled("float32[:, ::1](float32[:, ::1], boolean[::1])")
-def chosen_points(xyz: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def chosen_points(xyz: Floats32, mask: Bools) -> Floats32:
     """Returns `xyz[mask]`, points (M, 3) of (N, 3); NumPy takes two to ten times as long."""
     end, number = min(len(mask), len(xyz)), 0
     for row in range(end):
@@ -34,7 +34,7 @@ def chosen_points(xyz: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[
 
 
 @compiled("UniTuple(float32, 4)(float32[:, ::1])")
-def bounds(xyz: NDArray[np.float32]) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def bounds(xyz: Floats32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Returns the lowest x and y, and the highest x and y, of points (N, 3) with N > 0."""
     low_x = high_x = xyz[0, 0]
     low_y = high_y = xyz[0, 1]
@@ -47,7 +47,7 @@ def bounds(xyz: NDArray[np.float32]) -> tuple[np.float32, np.float32, np.float32
     return low_x, low_y, high_x, high_y
 
 
-def thinned(rows: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
+def thinned(rows: Floats32, cell_m: float) -> Floats32:
     """Returns the mean of the rows (N, C) in each cell, (M, C); columns are x, y, z and others.
 
     Their order is by height, then from right to left and from back to front: each n-th of them is
@@ -65,9 +65,7 @@ def _index(place_m: np.float32, cells_per_m: float) -> int:
 
 
 @compiled("Tuple((float32[:, ::1], int64[::1]))(float32[:, ::1], float64)")
-def _means_of_cells(
-    rows: NDArray[np.float32], cells_per_m: float
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def _means_of_cells(rows: Floats32, cells_per_m: float) -> tuple[Floats32, Ints]:
     # A table with open addressing; at least a third of its places stays free.
     size = 16
     while 2 * size < 3 * len(rows):

@@ -8,8 +8,8 @@ from operator import attrgetter
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.geometry.stamped_track import StampedTrack
 from mnsf_ros.geometry.transforms import interpolated_pose, pose_matrix
 from msg_utils.errors import MessageError
@@ -33,7 +33,7 @@ class StampedPose:
     """A pose with its time."""
 
     stamp_ns: int
-    world_from_frame: NDArray[np.float64]  # (4, 4)
+    world_from_frame: Floats  # (4, 4)
     frame_id: str = ""  # name of the moving frame in the message
 
     @classmethod
@@ -56,7 +56,7 @@ class PoseTrack(StampedTrack[StampedPose]):
     """The last 2000 poses, interpolated at any stamp."""
 
     def __init__(
-        self, recorded: Iterable[StampedPose | None] = (), mount: NDArray[np.float64] | None = None
+        self, recorded: Iterable[StampedPose | None] = (), mount: Floats | None = None
     ) -> None:
         """Starts without a pose.
 

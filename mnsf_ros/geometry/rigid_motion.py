@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.compiled import compiled
 
 Floating = TypeVar("Floating", np.float32, np.float64)
@@ -26,13 +27,13 @@ _MIN_SPREAD_RATIO: Final = 1e-3
 _MAX_REACH_RATIO: Final = 50.0
 
 
-def transformed(xyz: NDArray[np.float32], transform: NDArray[np.float64]) -> NDArray[np.float32]:
+def transformed(xyz: Floats32, transform: Floats) -> Floats32:
     """Returns (N, 3) points transformed by a (4, 4) matrix; the digits do not depend on threads."""
     turn, shift = (part.astype(np.float32) for part in (transform[:3, :3], transform[:3, 3]))
     return _turned_and_shifted(np.ascontiguousarray(xyz), np.ascontiguousarray(turn), shift)
 
 
-def turned(vectors: NDArray[Floating], turn: NDArray[np.float64]) -> NDArray[Floating]:
+def turned(vectors: NDArray[Floating], turn: Floats) -> NDArray[Floating]:
     """Returns vectors (N, 3) turned by a (3, 3) matrix, in their own precision."""
     own_turn = np.ascontiguousarray(turn, dtype=vectors.dtype)
     return _turned_and_shifted(np.ascontiguousarray(vectors), own_turn, np.zeros(3, vectors.dtype))
@@ -55,7 +56,7 @@ def _turned_and_shifted(
     return result
 
 
-def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDArray[np.float32]:
+def rigid_flow(xyz: NDArray[Any], next_from_current: Floats) -> Floats32:
     """Returns the flow (N, 3) of static points by the ego motion.
 
     It is float32, in metres per sweep interval, computed in float64. Rows that are not finite stay
@@ -68,9 +69,7 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
         return flow.astype(np.float32)
 
 
-def residual_flow(
-    xyz: NDArray[Any], flow: NDArray[Any], next_from_current: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def residual_flow(xyz: NDArray[Any], flow: NDArray[Any], next_from_current: Floats) -> Floats32:
     """Returns the flow (N, 3) without ego motion.
 
     It is float32, in metres per sweep interval, in the axes of the *next* sweep's sensor frame.
@@ -79,7 +78,7 @@ def residual_flow(
         return np.asarray(flow - rigid_flow(xyz, next_from_current), dtype=np.float32)
 
 
-def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
+def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> Floats:
     """Returns `next_from_current` (4, 4) of most points, for example the ego motion.
 
     Iteratively reweighted least squares (Kabsch): first with weights of the L1 norm, by which a
@@ -107,12 +106,12 @@ def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float6
 
 
 def _refitted(
-    source: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    weights_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    source: Floats,
+    moved: Floats,
+    motion: Floats,
+    weights_of: Callable[[Floats], Floats],
     tolerance: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Returns the motion refitted with weights of its residuals until it converges."""
     for _ in range(_MAX_ITERATIONS):
         off = source @ motion[:3, :3].T + motion[:3, 3] - moved
@@ -123,18 +122,16 @@ def _refitted(
     return motion
 
 
-def _l1_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _l1_weights(residuals: Floats) -> Floats:
     return 1.0 / np.maximum(residuals, max(float(np.median(residuals)) * 1e-2, _MIN_SCALE_M))
 
 
-def _tukey_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _tukey_weights(residuals: Floats) -> Floats:
     scale = max(float(np.median(residuals)) / _MEDIAN_OF_NOISE, _MIN_SCALE_M)
     return np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
 
 
-def _kabsch(
-    source: NDArray[np.float64], moved: NDArray[np.float64], weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _kabsch(source: Floats, moved: Floats, weights: Floats) -> Floats:
     """Returns the (4, 4) rigid motion of least weighted squares from source to moved (N, 3)."""
     pairs = np.hstack([source, moved])
     weighted = pairs * (weights / weights.sum())[:, None]
@@ -152,9 +149,7 @@ def _kabsch(
     return motion
 
 
-def _usable(
-    xyz: NDArray[Any], flow: NDArray[Any]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _usable(xyz: NDArray[Any], flow: NDArray[Any]) -> tuple[Floats, Floats]:
     """Returns finite points before and after their flow, (M, 3) each, M at most `_MAX_POINTS`."""
     with np.errstate(over="ignore"):  # as float32: the square of any such number is a float64
         finite = np.isfinite(np.hstack([xyz, flow]).astype(np.float32)).all(axis=1)

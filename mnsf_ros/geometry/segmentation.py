@@ -2,8 +2,8 @@
 """Which points belong together: connected cells, seen from above."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32, Ints, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS, bounds
 
@@ -15,7 +15,7 @@ class Segmentation:
         num_objects: How many there are, number 0 included.
     """
 
-    def __init__(self, points: NDArray[np.float32], cell_size_m: float) -> None:
+    def __init__(self, points: Floats32, cell_size_m: float) -> None:
         """Segments points that stand on the ground, the ground itself left out.
 
         Args:
@@ -31,14 +31,14 @@ class Segmentation:
         self._labels, self._objects = labels, objects
         self.num_objects = number + 1
 
-    def objects_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
+    def objects_of(self, points: Floats32) -> Ints:
         """Returns (N,) the object of each of the points (N, 3)."""
         own = np.require(points, requirements=("C", "W"))
         return _labels_at(own, *self._low, self._cell_size_m, self._labels, self._objects)
 
 
 @compiled("Tuple((int32[::1], int64))(int32[::1], int64)")
-def _numbered(roots: NDArray[np.int32], number: int) -> tuple[NDArray[np.int32], int]:
+def _numbered(roots: Ints32, number: int) -> tuple[Ints32, int]:
     """The number of the root of each label, the lowest root first, and how many roots there are."""
     numbers, num_roots = np.zeros(number + 1, np.int32), 0
     for label in range(1, number + 1):
@@ -56,13 +56,13 @@ def _numbered(roots: NDArray[np.int32], number: int) -> tuple[NDArray[np.int32],
     "(float32[:, ::1], float32, float32, float32, float32, float32)"
 )
 def _labelled(
-    points: NDArray[np.float32],
+    points: Floats32,
     low_x: np.float32,
     low_y: np.float32,
     high_x: np.float32,
     high_y: np.float32,
     cell_size_m: np.float32,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+) -> tuple[Ints32, Ints32, int]:
     """Labels of all cells from the lowest one, the object of each label, and how many objects.
 
     Objects are in the order of their rows.
@@ -114,13 +114,13 @@ def _labelled(
 
 @compiled("int64[::1](float32[:, ::1], float32, float32, float32, int32[:, ::1], int32[::1])")
 def _labels_at(
-    points: NDArray[np.float32],
+    points: Floats32,
     low_x: np.float32,
     low_y: np.float32,
     cell_size_m: np.float32,
-    labels: NDArray[np.int32],
-    objects: NDArray[np.int32],
-) -> NDArray[np.int64]:
+    labels: Ints32,
+    objects: Ints32,
+) -> Ints:
     """The objects at points, none outside."""
     result = np.zeros(len(points), np.int64)
     for point in range(len(points)):

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
@@ -22,7 +22,7 @@ class StampedRate:
     """The turn rate of an IMU at a time."""
 
     stamp_ns: int
-    rate: NDArray[np.float64]  # (3,) rad/s about the axes of the IMU
+    rate: Floats  # (3,) rad/s about the axes of the IMU
     frame_id: str = ""  # name of its frame
 
     @classmethod

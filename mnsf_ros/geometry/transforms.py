@@ -5,13 +5,12 @@ import math
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.settings import EgoMotionSettings, LidarSettings
 from msg_utils.errors import MessageError
-
-FloatArray: TypeAlias = NDArray[np.floating[Any]]
 
 _RIGID_TOLERANCE: Final = 1e-3
 # Any object with the attributes of geometry_msgs/Pose.
@@ -26,7 +25,7 @@ _MAX_NORM: Final = 1.5
 _FARTHEST_M: Final = 1e9  # the difference of two such positions is good to a micrometre
 
 
-def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
+def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> AnyFloats:
     """Returns the (4, 4) pose at (x, y, z) in metres, turned by `yaw` radians about +z."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.array(
@@ -34,13 +33,13 @@ def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
     )
 
 
-def turned_yaw(turn: FloatArray, yaw: float) -> float:
+def turned_yaw(turn: AnyFloats, yaw: float) -> float:
     """Returns the yaw, as seen in axes turned by (3, 3), of a horizontal direction of yaw `yaw`."""
     x, y, _ = turn @ (math.cos(yaw), math.sin(yaw), 0.0)
     return math.atan2(y, x)
 
 
-def tilt(pitch: float, roll: float) -> FloatArray:
+def tilt(pitch: float, roll: float) -> AnyFloats:
     """Returns the (4, 4) rotation by `roll` about x, then by `pitch` about y, in radians."""
     cos_p, sin_p = math.cos(pitch), math.sin(pitch)
     cos_r, sin_r = math.cos(roll), math.sin(roll)
@@ -51,19 +50,19 @@ def tilt(pitch: float, roll: float) -> FloatArray:
     return pose
 
 
-def sensor_mount(settings: EgoMotionSettings) -> NDArray[np.float64]:
+def sensor_mount(settings: EgoMotionSettings) -> Floats:
     """Returns robot_from_sensor (4, 4); the robot is the moving frame of the odometry."""
     angles_deg = (settings.sensor_yaw_deg, settings.sensor_pitch_deg, settings.sensor_roll_deg)
     return _mounted((settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m), angles_deg)
 
 
-def mounted_at(settings: LidarSettings) -> NDArray[np.float64]:
+def mounted_at(settings: LidarSettings) -> Floats:
     """Returns frame_from_lidar (4, 4) of the settings."""
     angles_deg = (settings.yaw_deg, settings.pitch_deg, settings.roll_deg)
     return _mounted((settings.x_m, settings.y_m, settings.z_m), angles_deg)
 
 
-def _mounted(position_m: ArrayLike, angles_deg: ArrayLike) -> NDArray[np.float64]:
+def _mounted(position_m: ArrayLike, angles_deg: ArrayLike) -> Floats:
     """Returns the (4, 4) pose at a position, turned by yaw, then pitch, then roll."""
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
@@ -71,7 +70,7 @@ def _mounted(position_m: ArrayLike, angles_deg: ArrayLike) -> NDArray[np.float64
     return pose
 
 
-def invert(pose: FloatArray) -> FloatArray:
+def invert(pose: AnyFloats) -> AnyFloats:
     """Returns the inverse of a rigid (4, 4) transform."""
     inverse = np.eye(4)
     inverse[:3, :3] = pose[:3, :3].T
@@ -79,12 +78,12 @@ def invert(pose: FloatArray) -> FloatArray:
     return inverse
 
 
-def apply(pose: FloatArray, points: FloatArray) -> FloatArray:
+def apply(pose: AnyFloats, points: AnyFloats) -> AnyFloats:
     """Returns (N, 3) points transformed by a (4, 4) matrix."""
     return points @ pose[:3, :3].T + pose[:3, 3]
 
 
-def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> NDArray[np.float64]:
+def interpolated_pose(first: AnyFloats, second: AnyFloats, share: float) -> Floats:
     """Returns the pose at a share of the way between two, at constant velocity and turn rate.
 
     Shares below 0 (the first pose) and above 1 (the second) extrapolate the motion.
@@ -96,7 +95,7 @@ def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> ND
     return pose
 
 
-def is_rigid(pose: FloatArray) -> bool:
+def is_rigid(pose: AnyFloats) -> bool:
     """Returns whether a matrix is (4, 4), finite, and a rotation and a translation only."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return False
@@ -109,7 +108,7 @@ def is_rigid(pose: FloatArray) -> bool:
     return bool(excess <= _RIGID_TOLERANCE and last_row <= _RIGID_TOLERANCE and is_proper)
 
 
-def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
+def rigid_pose(numbers: ArrayLike) -> Floats:
     """Returns 16 numbers, row by row, as a (4, 4) float64 pose.
 
     Raises:
@@ -121,7 +120,7 @@ def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
     return pose
 
 
-def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[np.float64]:
+def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> Floats:
     """Returns the transforms (..., 4, 4) with these rotations and translations (..., 3).
 
     The quaternions (..., 4) have the real part first and may have any length but 0.
@@ -139,7 +138,7 @@ def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[
     return poses
 
 
-def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
+def pose_matrix(pose: PoseLike) -> Floats:
     """Returns the (4, 4) matrix of a geometry_msgs/Pose.
 
     A quaternion of a norm from 0.5 to 1.5 is normalised.
@@ -151,7 +150,7 @@ def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
     return _matrix(pose.position, pose.orientation)
 
 
-def transform_matrix(transform: TransformLike) -> NDArray[np.float64]:
+def transform_matrix(transform: TransformLike) -> Floats:
     """Returns the (4, 4) matrix of a geometry_msgs/Transform, see `pose_matrix`.
 
     Raises:
@@ -160,7 +159,7 @@ def transform_matrix(transform: TransformLike) -> NDArray[np.float64]:
     return _matrix(transform.translation, transform.rotation)
 
 
-def _matrix(p: Any, q: Any) -> NDArray[np.float64]:  # noqa: ANN401 - parts of such messages
+def _matrix(p: Any, q: Any) -> Floats:  # noqa: ANN401 - parts of such messages
     position = np.array([p.x, p.y, p.z], dtype=np.float64)
     quaternion = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
     if not (np.abs(position) < _FARTHEST_M).all():
@@ -179,7 +178,7 @@ def _matrix(p: Any, q: Any) -> NDArray[np.float64]:  # noqa: ANN401 - parts of s
     return matrix
 
 
-def pose_quaternion(matrix: FloatArray) -> tuple[float, float, float, float]:
+def pose_quaternion(matrix: AnyFloats) -> tuple[float, float, float, float]:
     """Returns x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
 
     Raises:

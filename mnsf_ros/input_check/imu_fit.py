@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import Step
@@ -28,7 +28,7 @@ class ImuFit(Assumption):
     """Compares the turn rates of an IMU with the registered ones."""
 
     def __init__(self) -> None:
-        self._steps: deque[NDArray[np.float64]] = deque(maxlen=_MAX_STEPS)
+        self._steps: deque[Floats] = deque(maxlen=_MAX_STEPS)
 
     def move(self, step: Step) -> None:
         """Takes the motion to the next sweep."""

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
@@ -71,12 +71,12 @@ class LevelFrame(Assumption):
             yield Finding(_LENS, Severity.WARNING, text, _PLACE_REMEDY)
 
 
-def _tilt_text(up: NDArray[np.float64]) -> str:
+def _tilt_text(up: Floats) -> str:
     axis = int(np.argmax(np.abs(up)))
     nearest = f"{'-' if up[axis] < 0 else ''}{'xyz'[axis]}"
     text = f"z is {_tilt_deg(up):.0f} degrees off the normal of the ground"
     return text if nearest == "z" else f"{text}, up is nearest to {nearest}"
 
 
-def _tilt_deg(up: NDArray[np.float64]) -> float:
+def _tilt_deg(up: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0))))

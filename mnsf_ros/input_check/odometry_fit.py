@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.transforms import apply
@@ -99,16 +99,14 @@ class OdometryFit(Assumption):
             )
 
 
-def _difference_m(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _difference_m(first: Floats, second: Floats) -> float:
     """How far two motions (4, 4) move a point that is far away apart."""
     off = np.linalg.inv(first) @ second
     angle = np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1, 1))
     return float(np.linalg.norm(off[:3, 3]) + _FAR_M * angle)
 
 
-def _residual_m(
-    target: NDArray[np.float32], xyz: NDArray[np.float64], motion: NDArray[np.float64]
-) -> float:
+def _residual_m(target: Floats32, xyz: Floats, motion: Floats) -> float:
     """Mean distance of moved points (N, 3) from the points (T, 3) of a sweep, metres."""
     near = xyz[np.abs(xyz).max(axis=1, initial=0.0) < _NEAR_M]
     moved = apply(motion, near).astype(np.float32)

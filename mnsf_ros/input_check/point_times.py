@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
@@ -157,7 +157,7 @@ class TimesOfPoints(Assumption):
             yield Finding(_ASSUMPTION, Severity.WARNING, text, remedy)
 
 
-def _measured(times_s: NDArray[np.float64], sample: SweepSample) -> _Times:
+def _measured(times_s: Floats, sample: SweepSample) -> _Times:
     low_s, high_s = np.quantile(times_s, (0.01, 0.99))
     turn, by_azimuth = Turn.of(sample.azimuths / (2 * np.pi), times_s), None
     if turn is not None and not sample.lens_m.any():

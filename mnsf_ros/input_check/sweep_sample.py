@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
@@ -33,10 +33,10 @@ class SweepSample:
     sweep: Sweep
     is_due: bool = True
     num_parts: int = 1
-    lens_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    lens_m: Floats = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """(K,) numbers of the points."""
         number = len(self.sweep)
         rows = np.arange(number)
@@ -46,7 +46,7 @@ class SweepSample:
         return rows[self.sweep.xyz[rows].any(axis=1)]
 
     @cached_property
-    def xyz(self) -> NDArray[np.float64]:
+    def xyz(self) -> Floats:
         """(K, 3) metres, from the lens, axes of the cloud."""
         return self.sweep.xyz[self.rows] - self.lens_m
 
@@ -56,23 +56,23 @@ class SweepSample:
         return self.sweep.source
 
     @cached_property
-    def azimuths(self) -> NDArray[np.float64]:
+    def azimuths(self) -> Floats:
         """(K,) radians, from -pi to pi."""
         return np.arctan2(self.xyz[:, 1], self.xyz[:, 0])
 
     @cached_property
-    def elevations(self) -> NDArray[np.float64]:
+    def elevations(self) -> Floats:
         """(K,) radians above the plane z = 0."""
         return np.arctan2(self.xyz[:, 2], np.hypot(self.xyz[:, 0], self.xyz[:, 1]))
 
     @cached_property
-    def sectors(self) -> NDArray[np.bool_]:
+    def sectors(self) -> Bools:
         """(72,) the sectors of 5 degrees that have a point."""
         cells = ((self.azimuths + np.pi) / (2 * np.pi) * NUM_SECTORS).astype(np.int64)
         return np.bincount(cells % NUM_SECTORS, minlength=NUM_SECTORS) > 0
 
     @cached_property
-    def times_s(self) -> NDArray[np.float64] | None:
+    def times_s(self) -> Floats | None:
         """(K,) seconds from the stamp; None if unknown."""
         times_s = self.sweep.times_s
         return None if times_s is None else times_s[self.rows].astype(np.float64)
@@ -90,9 +90,9 @@ class Located:
     """
 
     sweep: Sweep
-    world_from_sensor: NDArray[np.float64]
+    world_from_sensor: Floats
     source: str
-    own_body: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    own_body: Floats32 = field(default_factory=lambda: np.zeros((0, 3), np.float32))
 
     @classmethod
     def by(cls, estimate: FlowEstimate, sweep: Sweep) -> "Located | None":
@@ -110,7 +110,7 @@ class Step:
     after: Located
 
     @cached_property
-    def before_from_after(self) -> NDArray[np.float64]:
+    def before_from_after(self) -> Floats:
         """(4, 4) float64."""
         return np.linalg.inv(self.before.world_from_sensor) @ self.after.world_from_sensor
 

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.stage_clock import StageClock
@@ -97,9 +98,7 @@ class CommandEstimator:
         times_ms = {"network": float(times[-1])} if times else clock.times_ms
         return FlowEstimate(flow, kept, times_ms)
 
-    def _run(
-        self, current: NDArray[np.float32], following: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], str]:
+    def _run(self, current: Floats32, following: Floats32) -> tuple[Floats32, str]:
         """The flow that the program writes, and its standard output."""
         with tempfile.TemporaryDirectory(prefix="mnsf_") as folder:
             files = [Path(folder, f"{name}.npy") for name in ("current", "next", "flow")]
@@ -199,7 +198,7 @@ class PredictionFiles:
         )
 
 
-def _checked(flow: NDArray[Any], num_points: int, source: str) -> NDArray[np.float32]:
+def _checked(flow: NDArray[Any], num_points: int, source: str) -> Floats32:
     """The flow as (N, 3) float32; MethodError unless it has three numbers for each point."""
     if flow.shape != (num_points, 3) or flow.dtype.kind not in "fiu":
         raise MethodError(

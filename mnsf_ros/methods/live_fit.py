@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.compute_device import compute_device, on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.stage_clock import StageClock
@@ -110,10 +111,10 @@ class LiveFit:
         self._widths = self._tensor(objects.spacing + _FADING_M)
         self._next, self._previous = scene.targets.next, scene.targets.previous
         self._usual_intervals = scene.usual_interval_s / USUAL_INTERVAL_S
-        self._start: NDArray[np.float32] = np.zeros((len(objects), 3), np.float32)
+        self._start: Floats32 = np.zeros((len(objects), 3), np.float32)
         self._started_s = time.monotonic()
 
-    def run(self, clock: StageClock) -> NDArray[np.float32]:
+    def run(self, clock: StageClock) -> Floats32:
         """Fits the three networks and returns (K, 3) metres to t+1, the mean flow of each object.
 
         Raises:
@@ -135,7 +136,7 @@ class LiveFit:
             raise OptimizationError("the flow is not finite; try a smaller learning rate")
         return motions
 
-    def _motions(self) -> NDArray[np.float32]:
+    def _motions(self) -> Floats32:
         """(K, 3) metres, sensor axes, mean flow of each object by the current networks."""
         has_backward = self._previous is not None and "backward" in self._networks.fitted
         flow = self._networks.flow(self._few_inputs, has_backward=has_backward)

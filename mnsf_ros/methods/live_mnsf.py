@@ -12,8 +12,8 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.compute_device import (
     compute_device,
     layer_precision,
@@ -105,9 +105,7 @@ class LiveMnsfEstimator(ObjectFlowEstimator):
             kept = table.select(rows)
             return table.put(rows, fitted=judge(kept.points, scene.targets, kept.first_guess))
 
-    def _fitted(
-        self, objects: ObjectPoints, scene: Scene, clock: StageClock
-    ) -> NDArray[np.float32]:
+    def _fitted(self, objects: ObjectPoints, scene: Scene, clock: StageClock) -> Floats32:
         """The motions of K objects, (K, 3) metres to the next sweep, by the fitted networks."""
         if len(objects) == 0:
             return np.zeros((0, 3), np.float32)

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
@@ -130,7 +130,7 @@ def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) 
 
 
 def _over_ground(
-    triplet: SweepTriplet, poses: dict[Sweep, SensorPose], motion: NDArray[np.float32]
+    triplet: SweepTriplet, poses: dict[Sweep, SensorPose], motion: Floats32
 ) -> OverGround:
     current, following = poses[triplet.current], poses[triplet.next]
     interval_s = triplet.interval_s if triplet.interval_s > 0 else USUAL_INTERVAL_S

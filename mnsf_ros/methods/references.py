@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.stage_clock import StageClock
@@ -17,12 +17,12 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
-def zero_flow(triplet: SweepTriplet, _poses: SensorPoses) -> NDArray[np.float32]:
+def zero_flow(triplet: SweepTriplet, _poses: SensorPoses) -> Floats32:
     """Zero: no point moves in the sensor frame."""
     return np.zeros_like(triplet.current.xyz)
 
 
-def ego_flow(triplet: SweepTriplet, _poses: SensorPoses) -> NDArray[np.float32]:
+def ego_flow(triplet: SweepTriplet, _poses: SensorPoses) -> Floats32:
     """The flow of a static world, from the ego motion of the recording.
 
     Raises:
@@ -36,7 +36,7 @@ def ego_flow(triplet: SweepTriplet, _poses: SensorPoses) -> NDArray[np.float32]:
     return rigid_flow(triplet.current.xyz, triplet.next_from_current)
 
 
-def estimated_ego_flow(triplet: SweepTriplet, poses: SensorPoses) -> NDArray[np.float32]:
+def estimated_ego_flow(triplet: SweepTriplet, poses: SensorPoses) -> Floats32:
     """The flow of a static world, from the ego motion that `online` estimates.
 
     In most recordings the ego motion of `ego_flow` is the ground truth itself.
@@ -53,7 +53,7 @@ class ReferenceEstimator:
 
     def __init__(
         self,
-        flow_of: Callable[[SweepTriplet, SensorPoses], NDArray[np.float32]],
+        flow_of: Callable[[SweepTriplet, SensorPoses], Floats32],
         traits: MethodTraits,
         settings: Settings,
     ) -> None:

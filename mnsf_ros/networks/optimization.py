@@ -135,12 +135,7 @@ class _Adam:
 class _Fit:
     """One optimization under way; its early stopping and best weights stay on its device."""
 
-    def __init__(
-        self,
-        weights: list[nn.Parameter],
-        loss_of: LossOf,
-        schedule: Schedule,
-    ) -> None:
+    def __init__(self, weights: list[nn.Parameter], loss_of: LossOf, schedule: Schedule) -> None:
         self._parameters, self._loss_of, self._schedule = weights, loss_of, schedule
         self.device = device = weights[0].device
         self._adam = _Adam(weights, schedule.weight_decay)

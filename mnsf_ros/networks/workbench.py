@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.compute_device import compute_device, layer_precision, on_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult
 from mnsf_ros.core.scene_flow_estimator import never
@@ -70,7 +70,7 @@ class PreparedSweep:
             return torch.arange(len(self.points))
         return torch.from_numpy(self.kept).nonzero().view(-1)
 
-    def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
+    def whole(self, flow: torch.Tensor) -> Floats32:
         """Returns the flow (P, 3) at `positions` for all points (N, 3), NaN for others."""
         if not self._is_chosen:
             return flow.cpu().numpy()

@@ -12,6 +12,7 @@ from geometry_msgs.msg import Point32
 from numpy.typing import NDArray
 from std_msgs.msg import Header
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.transforms import planar_pose
@@ -110,7 +111,7 @@ def _in_autoware(messages: Messages, found: Message, item: TrackedObject) -> Mes
     return found
 
 
-def _polygon(corners: NDArray[np.float64]) -> list[Point32]:
+def _polygon(corners: Floats) -> list[Point32]:
     return [Point32(x=x, y=y) for x, y in corners.tolist()]
 
 
@@ -166,7 +167,7 @@ def _uuid(item: TrackedObject, run: UUID) -> NDArray[np.uint8]:
     return np.frombuffer(uuid5(run, str(item.track_id)).bytes, np.uint8)
 
 
-def _in_six(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_six(covariance: Floats) -> Floats:
     """(36,) of a pose or twist: (3, 3) of its linear part, its angular part unknown."""
     full = UNKNOWN_COVARIANCE.copy()
     full[:3, :3] = covariance

@@ -9,13 +9,13 @@ from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from sensor_msgs.msg import Imu, PointCloud2
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.stamped_rate import StampedRate
@@ -333,7 +333,7 @@ class ImuInput:
             self._report("imu_without_transform", f"{error}; the IMU is ignored")
             return sweep
 
-    def _sensor_from_imu(self, sensor: str, imu: str) -> NDArray[np.float64]:
+    def _sensor_from_imu(self, sensor: str, imu: str) -> Floats:
         if sensor.lstrip("/") == imu.lstrip("/"):
             return np.eye(4)
         if self._transforms is None:

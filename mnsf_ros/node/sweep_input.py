@@ -10,12 +10,12 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.geometry.transforms import mounted_at
 from mnsf_ros.node.cloud_topics import cloud_topics, unusable_topics
 from mnsf_ros.node.diagnostics import InputState
@@ -311,7 +311,7 @@ class LidarMerging(LidarGroups):
 
     def _poses(
         self, group: LidarGroup, settings: Settings, transforms: Transforms | None
-    ) -> dict[int, NDArray[np.float64]]:
+    ) -> dict[int, Floats]:
         """Number of a lidar -> its pose (4, 4) in the common frame, where that is known."""
         if transforms is None:
             mounts = (settings.lidar_1, settings.lidar_2, settings.lidar_3, settings.lidar_4)

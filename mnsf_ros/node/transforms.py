@@ -4,13 +4,12 @@
 import importlib
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import TransformStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.errors import MnsfError, SettingsError, shortened
 from mnsf_ros.geometry.transforms import pose_quaternion, transform_matrix
@@ -58,7 +57,7 @@ class Transforms:
             f"TF has no frame {name!r}, but {shortened(frames)}: name one with tf.fixed_frame"
         )
 
-    def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
+    def find(self, target: str, source: str, stamp_ns: int | None = None) -> Floats:
         """Returns (4, 4) target_from_source at a stamp; the newest one without a stamp.
 
         Raises:

@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Attachments: points without a motion of their own that move with a mover."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats32, Ints
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, spacing_of
@@ -17,9 +17,7 @@ from mnsf_ros.online.table import ObjectTable
 _MIN_HEIGHT_M: Final = NOISE_M
 
 
-def rows_of_movers(
-    scene: Scene, table: ObjectTable, object_ids: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def rows_of_movers(scene: Scene, table: ObjectTable, object_ids: Ints) -> Ints:
     """Returns (N,) the row among the movers that each point moves with; -1 for none.
 
     Args:
@@ -48,11 +46,8 @@ def rows_of_movers(
 
 
 def attached(
-    current: ObjectSweep,
-    object_ids: NDArray[np.int64],
-    movers: ObjectPoints,
-    is_loose: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    current: ObjectSweep, object_ids: Ints, movers: ObjectPoints, is_loose: Bools
+) -> tuple[Ints, Ints]:
     """Returns which points near movers move with them.
 
     Args:
@@ -86,9 +81,7 @@ def attached(
     return near[is_attached], owners[nearest[is_attached]]
 
 
-def _above(
-    points: NDArray[np.float32], places: NDArray[np.float32], within_m: NDArray[np.floating[Any]]
-) -> NDArray[np.int64]:
+def _above(points: Floats32, places: Floats32, within_m: AnyFloats) -> Ints:
     """Returns (P,) the row of the point nearest to each place (P, 3) in the view from above.
 
     It is -1 if none is within (P,) metres. Height differences do not count: between beams a mover
@@ -101,9 +94,7 @@ def _above(
 
 
 @compiled("int64[::1](float32[:, ::1], float32[:, ::1], boolean[::1])")
-def _near_from_above(
-    points: NDArray[np.float32], places: NDArray[np.float32], wanted: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _near_from_above(points: Floats32, places: Floats32, wanted: Bools) -> Ints:
     """Returns the rows of the wanted places (N, 3) that are near points (P, 3) as seen from above.
 
     Near is: in the cells of the points or in neighbouring cells, a little beyond the reach.

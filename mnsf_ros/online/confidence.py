@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.online.motions import JudgedMotions
 from mnsf_ros.online.object_points import NOISE_M
@@ -22,9 +23,7 @@ _DOUBTFUL: Final = (1.91, -6.51)
 _STATIC: Final = (3.12, -0.34)
 
 
-def moving_confidence(
-    moving: JudgedMotions, log_odds: NDArray[np.float64], residual_rise: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def moving_confidence(moving: JudgedMotions, log_odds: Floats, residual_rise: Floats) -> Floats32:
     """Returns (K,) the confidence in the flow of K dynamic objects.
 
     Args:
@@ -35,7 +34,7 @@ def moving_confidence(
     return _logistic(moving_features(moving, log_odds, residual_rise), _MOVING)
 
 
-def doubtful_confidence(static: JudgedMotions) -> NDArray[np.float32]:
+def doubtful_confidence(static: JudgedMotions) -> Floats32:
     """Returns (K,) the confidence in the flow of K suspects without an accepted motion.
 
     Args:
@@ -45,7 +44,7 @@ def doubtful_confidence(static: JudgedMotions) -> NDArray[np.float32]:
 
 
 @compiled("float32[::1](float32[:, ::1])")
-def static_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+def static_confidence(xyz: Floats32) -> Floats32:
     """Returns (N,) the confidence in the flow of static points (N, 3), metres."""
     constant, per_metre = np.float32(_STATIC[0]), np.float32(_STATIC[1] / 10)
     confidence = np.empty(len(xyz), np.float32)
@@ -58,28 +57,26 @@ def static_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
     return confidence
 
 
-def moving_features(
-    moving: JudgedMotions, log_odds: NDArray[np.float64], residual_rise: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def moving_features(moving: JudgedMotions, log_odds: Floats, residual_rise: Floats) -> Floats:
     """Returns (K, 4) the features of K dynamic objects, see `moving_confidence`."""
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     uncertainty = np.log((moving.near_mean + NOISE_M) / (residual_rise + NOISE_M))
     return _with_constant(uncertainty, np.log1p(np.maximum(log_odds, 0.0)), np.log1p(lengths))
 
 
-def doubtful_features(static: JudgedMotions) -> NDArray[np.float64]:
+def doubtful_features(static: JudgedMotions) -> Floats:
     """Returns (K, 2) the features of K suspects, see `doubtful_confidence`."""
     return _with_constant(static.near_mean)
 
 
-def static_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:
+def static_features(xyz: Floats32) -> Floats:
     """Returns (N, 2) the features of static points (N, 3), metres."""
     return _with_constant(np.hypot(xyz[:, 0], xyz[:, 1]) / 10)
 
 
-def _with_constant(*columns: NDArray[Any]) -> NDArray[np.float64]:
+def _with_constant(*columns: NDArray[Any]) -> Floats:
     return np.stack([np.ones(len(columns[0])), *columns], axis=1).astype(np.float64)
 
 
-def _logistic(features: NDArray[np.float64], weights: tuple[float, ...]) -> NDArray[np.float32]:
+def _logistic(features: Floats, weights: tuple[float, ...]) -> Floats32:
     return np.asarray(expit((features * np.asarray(weights)).sum(axis=1)), np.float32)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32, Ints
 from mnsf_ros.compiled import compiled
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS
@@ -75,11 +76,8 @@ def with_better_guesses(table: ObjectTable, judged: JudgedMotions, targets: Targ
 
 
 def voted_motions(
-    objects: ObjectPoints,
-    targets: Sequence[Target],
-    max_change_m: float,
-    base: NDArray[np.float32],
-) -> NDArray[np.float32]:
+    objects: ObjectPoints, targets: Sequence[Target], max_change_m: float, base: Floats32
+) -> Floats32:
     """Returns (K, 3) metres, the shifts to the next sweep with most votes, fitted to a target.
 
     A shift gets a vote for each point that meets an occupied cell of a target.
@@ -125,12 +123,8 @@ def voted_motions(
 
 @compiled("int64[::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1])")
 def _most_voted(
-    columns: NDArray[np.int64],
-    levels: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    offsets: NDArray[np.int64],
-    occupied: NDArray[np.uint16],
-) -> NDArray[np.int64]:
+    columns: Ints, levels: Ints, counts: Ints, offsets: Ints, occupied: NDArray[np.uint16]
+) -> Ints:
     """Returns (K,) the row of the shift that most of each object's points agree on.
 
     Args:
@@ -157,7 +151,7 @@ def _most_voted(
 
 
 @lru_cache
-def _shifts(radius: int) -> NDArray[np.int64]:
+def _shifts(radius: int) -> Ints:
     """(S, 2) all whole shifts in a disc, in cells, nearest first."""
     side = np.arange(-radius, radius + 1)
     x, y = (axis.ravel() for axis in np.meshgrid(side, side, indexing="ij"))
@@ -174,7 +168,7 @@ class VotingGrid:
         cell_m: Size of a cell.
     """
 
-    def __init__(self, points: NDArray[np.float32], margin_m: float) -> None:
+    def __init__(self, points: Floats32, margin_m: float) -> None:
         """Lays a grid around points (N, 3), metres, and so far around them."""
         low = points[:, :2].min(axis=0).astype(np.float64) - margin_m
         high = points[:, :2].max(axis=0).astype(np.float64) + margin_m
@@ -189,11 +183,11 @@ class VotingGrid:
         rows, columns = (np.floor(high / self.cell_m) - first[:2] + 2).astype(int)
         self._shape = (int(rows), int(columns))
 
-    def offsets(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
+    def offsets(self, shifts: Ints) -> Ints:
         """(S,) offsets in column numbers of shifts (S, 2), in cells."""
         return shifts[:, 0] * self._shape[1] + shifts[:, 1]
 
-    def cells_of(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def cells_of(self, points: Floats32) -> tuple[Ints, Ints]:
         """(P,) the columns of points (P, 3), and the bits of their levels.
 
         Points above or below all levels count in the highest or lowest one.
@@ -216,9 +210,9 @@ class VotingGrid:
 )
 def _mark(
     occupied: NDArray[np.uint16],
-    points: NDArray[np.float32],
-    transform: NDArray[np.float32],
-    low: NDArray[np.float32],
+    points: Floats32,
+    transform: Floats32,
+    low: Floats32,
     cell_m: np.float32,
     num_rows: int,
     num_columns: int,

@@ -4,10 +4,10 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
@@ -50,7 +50,7 @@ def with_verdicts(table: ObjectTable, scene: Scene) -> ObjectTable:
     return table.put(rows, verdicts=verdicts)
 
 
-def _with_evidence(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) -> ObjectTable:
+def _with_evidence(table: ObjectTable, rows: Ints, scene: Scene) -> ObjectTable:
     """Fills `num_new_or_gone`, `evidence` and `log_odds` of some objects."""
     suspects = table.select(rows)
     points, motions = suspects.points, suspects.fitted.motions
@@ -65,7 +65,7 @@ def _with_evidence(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) ->
     )
 
 
-def _with_groups(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) -> ObjectTable:
+def _with_groups(table: ObjectTable, rows: Ints, scene: Scene) -> ObjectTable:
     """Fills `residual_rise` and `groups` of the objects that are followed."""
     followed = table.select(rows)
     points, fitted = followed.points, followed.fitted
@@ -74,14 +74,12 @@ def _with_groups(table: ObjectTable, rows: NDArray[np.int64], scene: Scene) -> O
     return table.put(rows, residual_rise=rise, groups=groups)
 
 
-def moving_log_odds(features: NDArray[np.float64]) -> NDArray[np.float64]:
+def moving_log_odds(features: Floats) -> Floats:
     """Returns (K,) log-odds that objects with some evidence (K, 8) move."""
     return (features * np.asarray(_WEIGHTS)).sum(axis=1)
 
 
-def free_space(
-    objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def free_space(objects: ObjectPoints, targets: Targets, motions: Floats32) -> Floats:
     """Returns (K,) the number of points that free space shows to be new or gone.
 
     New: the points of an object that are in free space of another sweep if it is static, less
@@ -108,9 +106,7 @@ def free_space(
     return num_new_or_gone
 
 
-def evidence(
-    table: ObjectTable, static: JudgedMotions, num_new_or_gone: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def evidence(table: ObjectTable, static: JudgedMotions, num_new_or_gone: Floats) -> Floats:
     """Returns (K, 8) features for and against the motions of K objects.
 
     The columns are:
@@ -151,18 +147,18 @@ def evidence(
     return np.stack(columns, axis=1).astype(np.float64)
 
 
-def _log_share(moving: NDArray[np.float64], static: NDArray[np.float64]) -> NDArray[np.float64]:
+def _log_share(moving: Floats, static: Floats) -> Floats:
     return np.log((moving + NOISE_M) / (static + NOISE_M))
 
 
 def moves(
-    numbers: NDArray[np.int64],
-    wholes: NDArray[np.int64],
-    motions: NDArray[np.float32],
-    log_odds: NDArray[np.float64],
+    numbers: Ints,
+    wholes: Ints,
+    motions: Floats32,
+    log_odds: Floats,
     interval_s: float,
     settings: ObjectSettings,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+) -> tuple[Bools, Bools]:
     """Returns masks (K,) of the objects that are followed, and of those that move.
 
     Only the likelier of a part and its whole may move: the whole is static, or the part moves with
@@ -189,12 +185,7 @@ def moves(
     return is_followed, is_followed & (log_odds > limit)
 
 
-def mover_groups(
-    movers: ObjectPoints,
-    motions: NDArray[np.float32],
-    points: NDArray[np.float32],
-    owners: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def mover_groups(movers: ObjectPoints, motions: Floats32, points: Floats32, owners: Ints) -> Ints:
     """Returns (K,) the group, from 0, of each of K movers in reach of each other that move alike.
 
     Args:

@@ -4,12 +4,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats, Floats32
 from mnsf_ros.online.object_points import NOISE_M, ObjectPoints, Rows
 from mnsf_ros.online.target import NUM_ITERATIONS, Target, Targets
 
@@ -39,11 +39,11 @@ class TrackPrior(Rows):
         deviations_m: (K,) standard deviation of the motions along each axis; 1 without a track.
     """
 
-    shares: NDArray[np.float64]
-    motions: NDArray[np.float32]
-    turn_rates: NDArray[np.float64]
-    log_odds: NDArray[np.float64]
-    deviations_m: NDArray[np.float64]
+    shares: Floats
+    motions: Floats32
+    turn_rates: Floats
+    log_odds: Floats
+    deviations_m: Floats
 
     @classmethod
     def without_tracks(cls, num_objects: int) -> "TrackPrior":
@@ -52,11 +52,11 @@ class TrackPrior(Rows):
         return cls(nothing, motions, nothing, nothing, np.ones(num_objects))
 
     @property
-    def has_track(self) -> NDArray[np.bool_]:
+    def has_track(self) -> Bools:
         """(K,) whether an object has a track."""
         return self.shares > 0
 
-    def cost(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+    def cost(self, motions: Floats32) -> Floats:
         """Returns (K,) the prior costs of motions (K, 3), metres: their negative log-likelihood.
 
         A moving track predicts its object's motion within the errors of the track. If the track
@@ -67,7 +67,7 @@ class TrackPrior(Rows):
         apart = ((motions - self.motions)[:, :2] ** 2).sum(axis=1) / self.deviations_m**2
         return np.asarray(-np.log(moves * np.exp(-apart / 2) + 1 - moves), np.float64)
 
-    def candidates(self, motions: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    def candidates(self, motions: Floats32) -> list[Floats32]:
         """Returns (K, 3) metres each: the given motions, and the predictions if there are any."""
         if not self.has_track.any():
             return [motions]
@@ -85,26 +85,26 @@ class JudgedMotions(Rows):
         past: (K, P) metres, residuals in P older sweeps.
     """
 
-    motions: NDArray[np.float32]
-    near: NDArray[np.float64]
-    past: NDArray[np.float64]
+    motions: Floats32
+    near: Floats
+    past: Floats
 
     @cached_property
-    def total(self) -> NDArray[np.float64]:
+    def total(self) -> Floats:
         """(K,) metres, the sum of `near_mean` and `past_mean`."""
         return self.near_mean + self.past_mean
 
     @cached_property
-    def near_mean(self) -> NDArray[np.float64]:
+    def near_mean(self) -> Floats:
         """(K,) metres, the mean residual in the next and the previous sweep."""
         return self.near.mean(axis=1)
 
     @property
-    def past_mean(self) -> NDArray[np.float64]:
+    def past_mean(self) -> Floats:
         """(K,) metres, the mean residual in older sweeps; without older ones, `near_mean`."""
         return self.past.mean(axis=1) if self.past.shape[1] else self.near_mean
 
-    def posterior_cost(self, prior: TrackPrior) -> NDArray[np.float64]:
+    def posterior_cost(self, prior: TrackPrior) -> Floats:
         """Returns (K,) metres, total residual plus noise, times a factor for the prior cost."""
         excess = np.exp(prior.cost(self.motions) / _PRIOR_SCALE)
         return np.asarray((self.total + 2 * NOISE_M) * excess, np.float64)
@@ -124,18 +124,14 @@ class JudgedMotions(Rows):
         )
 
 
-def are_same(
-    motions: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]
-) -> NDArray[np.bool_]:
+def are_same(motions: AnyFloats, others: AnyFloats) -> Bools:
     """Returns (K,) whether motions (K, 3) are as good as others (K, 3), both in metres."""
     apart = np.sqrt(((motions - others) ** 2).sum(axis=1))
     longer = np.sqrt(np.maximum((motions**2).sum(axis=1), (others**2).sum(axis=1)))
     return apart < _SAME_SHARE * (1.0 + longer)
 
 
-def fit_motion_field(
-    objects: ObjectPoints, target: Target, start: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def fit_motion_field(objects: ObjectPoints, target: Target, start: Floats32) -> Floats32:
     """The forward and the backward field: moves each object until it lies on the target.
 
     Returns (K, 3) metres, from the current sweep to the target, after the interval between their
@@ -157,10 +153,7 @@ def fit_motion_field(
 
 
 def judge(
-    objects: ObjectPoints,
-    targets: Targets,
-    motions: NDArray[np.float32],
-    max_total_m: NDArray[np.float64] | float = np.inf,
+    objects: ObjectPoints, targets: Targets, motions: Floats32, max_total_m: Floats | float = np.inf
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
 
@@ -187,7 +180,7 @@ def best_of(
     objects: ObjectPoints,
     targets: Targets,
     first: JudgedMotions,
-    others: Sequence[NDArray[np.float32]],
+    others: Sequence[Floats32],
     prior: TrackPrior,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
@@ -221,9 +214,9 @@ def best_of(
 def fuse_motions(
     objects: ObjectPoints,
     targets: Targets,
-    forward: NDArray[np.float32],
-    inverted: NDArray[np.float32] | None,
-    others: Sequence[NDArray[np.float32]],
+    forward: Floats32,
+    inverted: Floats32 | None,
+    others: Sequence[Floats32],
     prior: TrackPrior,
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
@@ -244,9 +237,7 @@ def fuse_motions(
     return fitted.better(best, prior, _NOT_FITTED_SHARE)
 
 
-def residual_rise_m(
-    objects: ObjectPoints, fitted: JudgedMotions, targets: Targets
-) -> NDArray[np.float64]:
+def residual_rise_m(objects: ObjectPoints, fitted: JudgedMotions, targets: Targets) -> Floats:
     """Returns (K,) metres, the smallest rise of the residual when the motion is shifted.
 
     The shifts are along and across the object. For a flat side that can slide along itself the

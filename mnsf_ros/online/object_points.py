@@ -8,6 +8,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.online.object_sweep import ObjectSweep
@@ -27,7 +28,7 @@ _FEW: Final = 16
 class Rows:
     """Base of frozen dataclasses whose fields are arrays (K, ...) or such records themselves."""
 
-    def select(self: _Own, rows: NDArray[np.int64]) -> _Own:
+    def select(self: _Own, rows: Ints) -> _Own:
         """Returns the record of some of the objects, by their rows."""
         taken: dict[str, Any] = {}
         for field in fields(self):  # type: ignore[arg-type]
@@ -35,7 +36,7 @@ class Rows:
             taken[field.name] = column.select(rows) if isinstance(column, Rows) else column[rows]
         return replace(self, **taken)  # type: ignore[type-var]
 
-    def put(self: _Own, rows: NDArray[np.int64], **columns: Any) -> _Own:  # noqa: ANN401
+    def put(self: _Own, rows: Ints, **columns: Any) -> _Own:  # noqa: ANN401
         """Returns the record with other values in some rows of these columns."""
         changed: dict[str, Any] = {}
         for name, values in columns.items():
@@ -60,10 +61,10 @@ class ObjectPoints(Rows):
         spacing: (P,) float32, metres; a nearest point within it is not evidence of motion.
     """
 
-    numbers: NDArray[np.int64]
-    positions: NDArray[np.float32]
-    owners: NDArray[np.int64]
-    spacing: NDArray[np.float32]
+    numbers: Ints
+    positions: Floats32
+    owners: Ints
+    spacing: Floats32
 
     @classmethod
     def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> "ObjectPoints":
@@ -77,19 +78,19 @@ class ObjectPoints(Rows):
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def rows_of(self, num_objects: int) -> NDArray[np.int64]:
+    def rows_of(self, num_objects: int) -> Ints:
         """Returns (num_objects,) the row of each object of the sweep; -1 for those not here."""
         rows = np.full(num_objects, -1)
         rows[self.numbers] = np.arange(len(self))
         return rows
 
-    def all_points(self, sweep: ObjectSweep) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    def all_points(self, sweep: ObjectSweep) -> tuple[Floats32, Ints]:
         """Returns (A, 3) metres, all thinned points of the objects, and (A,) the rows of these."""
         points, objects = sweep.members
         rows = self.rows_of(sweep.num_objects)[objects]
         return chosen_points(points, rows >= 0), rows[rows >= 0]
 
-    def select(self, rows: NDArray[np.int64]) -> "ObjectPoints":
+    def select(self, rows: Ints) -> "ObjectPoints":
         """Returns some of the objects, by their rows, which rise."""
         places = np.full(len(self), -1)
         places[rows] = np.arange(len(rows))
@@ -106,7 +107,7 @@ class ObjectPoints(Rows):
             np.tile(self.spacing, times),
         )
 
-    def joined(self, groups: NDArray[np.int64]) -> "ObjectPoints":
+    def joined(self, groups: Ints) -> "ObjectPoints":
         """Returns the objects of each group (K,), numbers from 0 to G - 1, as one object.
 
         Its points are not in the order of their heights, as `tops` expects.
@@ -121,45 +122,43 @@ class ObjectPoints(Rows):
         is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % stride == 0
         return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
 
-    def _with_points(
-        self, rows: NDArray[np.int64], numbers: NDArray[np.int64], owners: NDArray[np.int64]
-    ) -> "ObjectPoints":
+    def _with_points(self, rows: Ints, numbers: Ints, owners: Ints) -> "ObjectPoints":
         """Returns some points of the objects left, by their rows; (P,) owners of all points."""
         # np.take is several times faster than positions[rows].
         positions = np.take(self.positions, rows, axis=0)
         return ObjectPoints(numbers, positions, owners[rows], self.spacing[rows])
 
     @cached_property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         """(K,) the number of points of each object."""
         return np.bincount(self.owners, minlength=len(self))
 
     @cached_property
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> Ints:
         """(K,) the first point of each object."""
         counts = self.counts
         return np.cumsum(counts) - counts
 
     @cached_property
-    def centers(self) -> NDArray[np.float32]:
+    def centers(self) -> Floats32:
         """(K, 3) metres, the middle of each object's points."""
-        sums: NDArray[np.float32] = self.sums(self.positions)
+        sums: Floats32 = self.sums(self.positions)
         return np.divide(sums, self.counts[:, None], dtype=np.float32)
 
     @cached_property
-    def variances(self) -> tuple[NDArray[np.float64], ...]:
+    def variances(self) -> tuple[Floats, ...]:
         """Four times (K,) square metres, of each object's points: xx, yy, xy, zz."""
         x, y, z = (self.positions - self.centers[self.owners]).T.astype(np.float64)
         return tuple(self.sums(each) / self.counts for each in (x * x, y * y, x * y, z * z))
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """(K,) radians, the horizontal direction along which each object is longest."""
         xx, yy, xy, _ = self.variances
         return np.arctan2(2 * xy, xx - yy) / 2
 
     @property
-    def extents(self) -> tuple[NDArray[np.float64], ...]:
+    def extents(self) -> tuple[Floats, ...]:
         """Three times (K,) metres: how long, wide and high each object is, as its points spread."""
         xx, yy, xy, zz = self.variances
         half, root = (xx + yy) / 2, np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
@@ -167,7 +166,7 @@ class ObjectPoints(Rows):
         return tuple(np.sqrt(12 * np.maximum(each, 0.0)) for each in (half + root, half - root, zz))
 
     @property
-    def thicknesses(self) -> NDArray[np.float64]:
+    def thicknesses(self) -> Floats:
         """(K,) metres, the height of each object, or its width if that is smaller.
 
         Strips of walls and single rings on crowns of trees and tables are thin. Their visible part
@@ -177,7 +176,7 @@ class ObjectPoints(Rows):
         return np.minimum(widths, heights)
 
     @property
-    def tops(self) -> NDArray[np.float64]:
+    def tops(self) -> Floats:
         """(K,) metres, how far each object reaches above the sensor; 0 if it does not.
 
         The height of an object is estimated as twice the height of the middle half of its points.
@@ -194,7 +193,7 @@ class ObjectPoints(Rows):
         return np.add.reduceat(values, self.starts, axis=0)
 
 
-def spacing_of(points: NDArray[np.float32]) -> NDArray[np.float32]:
+def spacing_of(points: Floats32) -> Floats32:
     """Returns (P,) metres, how far points (P, 3) may be from others of the same surface."""
     ranges = np.sqrt((points * points).sum(axis=1))
     return (NOISE_M + _SPACING_PER_M * ranges).astype(np.float32)
@@ -205,12 +204,8 @@ def spacing_of(points: NDArray[np.float32]) -> NDArray[np.float32]:
     "(float32[:, ::1], int64[::1], boolean[::1], int64, int64)"
 )
 def _chosen(
-    points: NDArray[np.float32],
-    objects: NDArray[np.int64],
-    is_short_enough: NDArray[np.bool_],
-    min_points: int,
-    max_points: int,
-) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
+    points: Floats32, objects: Ints, is_short_enough: Bools, min_points: int, max_points: int
+) -> tuple[Ints, Floats32, Ints]:
     """Chooses points (T, 3) of objects (T,) that are short enough and have enough points.
 
     Returns:

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32, Ints
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
@@ -49,11 +49,7 @@ class ObjectSweep:
     """
 
     def __init__(
-        self,
-        sweep: Sweep,
-        pose: SensorPose,
-        settings: Settings,
-        own: NDArray[np.bool_] | None = None,
+        self, sweep: Sweep, pose: SensorPose, settings: Settings, own: Bools | None = None
     ) -> None:
         """Crops, removes ground and own body, segments.
 
@@ -94,12 +90,7 @@ class ObjectSweep:
             np.arange(segmentation.num_objects),
         )
 
-    def _group(
-        self,
-        thinned_objects: NDArray[np.int64],
-        point_objects: NDArray[np.int64],
-        wholes: NDArray[np.int64],
-    ) -> None:
+    def _group(self, thinned_objects: Ints, point_objects: Ints, wholes: Ints) -> None:
         """Puts the points into objects: sets all that depends on these."""
         self.thinned_objects, self._point_objects = thinned_objects, point_objects
         self.wholes = wholes
@@ -125,20 +116,16 @@ class ObjectSweep:
         return len(self.wholes)
 
     @property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         """(all objects,) how many thinned points each has."""
         return np.bincount(self.members[1], minlength=self.num_objects)
 
     @property
-    def sizes(self) -> NDArray[np.float32]:
+    def sizes(self) -> Floats32:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
         return sizes_of(*self.members, self.num_objects)
 
-    def relabelled(
-        self,
-        relabel: Callable[[NDArray[np.float32], NDArray[np.int64]], NDArray[np.int64]],
-        wholes: NDArray[np.int64],
-    ) -> "ObjectSweep":
+    def relabelled(self, relabel: Callable[[Floats32, Ints], Ints], wholes: Ints) -> "ObjectSweep":
         """Returns the same sweep with its points in other objects.
 
         Args:
@@ -153,7 +140,7 @@ class ObjectSweep:
         )
         return other
 
-    def object_ids(self) -> NDArray[np.int64]:
+    def object_ids(self) -> Ints:
         """(N,) the object of each point of the sweep.
 
         It is 0 for ground, cropped points, and points that were seen a second time.
@@ -163,15 +150,13 @@ class ObjectSweep:
         return object_ids
 
 
-def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
+def _thinned(points: Floats32, settings: Settings) -> Floats32:
     stride = max(1, -(-len(points) // settings.objects.max_points))
     return thinned(points[::stride], settings.objects.thinning_m)
 
 
 @compiled("float32[::1](float32[:, ::1], int64[::1], int64)")
-def sizes_of(
-    points: NDArray[np.float32], objects: NDArray[np.int64], num_objects: int
-) -> NDArray[np.float32]:
+def sizes_of(points: Floats32, objects: Ints, num_objects: int) -> Floats32:
     """Returns (num_objects,) the `ObjectSweep.sizes` of points (N, 3) of objects (N,)."""
     low = np.full((num_objects, 2), np.float32(np.inf), np.float32)
     high = np.full((num_objects, 2), np.float32(-np.inf), np.float32)

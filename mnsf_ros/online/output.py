@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32, Ints, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import EgoSource
@@ -67,7 +67,7 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
     )
 
 
-def flow_of(scene: Scene, over_ground: OverGround) -> NDArray[np.float32]:
+def flow_of(scene: Scene, over_ground: OverGround) -> Floats32:
     """Returns (N, 3) metres, the flow of all points: motion over ground plus ego motion.
 
     The own body stays where it is in the frame of the sensor.
@@ -92,9 +92,7 @@ def flow_of(scene: Scene, over_ground: OverGround) -> NDArray[np.float32]:
     return flow
 
 
-def _static_confidence(
-    current: ObjectSweep, object_ids: NDArray[np.int64], doubtful: ObjectTable
-) -> NDArray[np.float32]:
+def _static_confidence(current: ObjectSweep, object_ids: Ints, doubtful: ObjectTable) -> Floats32:
     """Returns (N,) the confidence in the flow of points of objects (N,), if they are static."""
     confidence = static_confidence(current.xyz)
     doubts = np.full(current.num_objects, np.nan, np.float32)
@@ -105,7 +103,7 @@ def _static_confidence(
 
 
 def tracked_objects(
-    tracks: Sequence[Track], current: ObjectSweep, point_ids: NDArray[np.int32]
+    tracks: Sequence[Track], current: ObjectSweep, point_ids: Ints32
 ) -> tuple[TrackedObject, ...]:
     """Returns the objects that move, those seen and those hidden at present.
 
@@ -134,11 +132,7 @@ def tracked_objects(
 
 
 def _tracked_object(
-    track: Track,
-    points: NDArray[np.float32],
-    current: ObjectSweep,
-    seen: NDArray[np.int64],
-    stamp_from_moment: NDArray[np.float64],
+    track: Track, points: Floats32, current: ObjectSweep, seen: Ints, stamp_from_moment: Floats
 ) -> TrackedObject:
     """A track at the stamp of the sweep, in the frame of the sensor then.
 
@@ -170,14 +164,14 @@ def _tracked_object(
     )
 
 
-def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
+def _is_hidden(track: Track, points: Floats32, current: ObjectSweep) -> bool:
     """Whether the object likely moves, and most of its predicted points (P, 3) are occluded."""
     return track.log_odds > 0 and 2 * np.count_nonzero(current.view.are_hidden(points)) > len(
         points
     )
 
 
-def _outline(points: NDArray[np.float32], box: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outline(points: Floats32, box: Floats) -> Floats:
     """Returns (K, 2) metres, the outermost of the points (P, 3) in each direction, from a box."""
     inside = (points[:, :2] - box[:2]) @ planar_pose(0.0, 0.0, box[6])[:2, :2]
     outermost = (inside @ _DIRECTIONS).argmax(axis=0)
@@ -185,7 +179,7 @@ def _outline(points: NDArray[np.float32], box: NDArray[np.float64]) -> NDArray[n
 
 
 @compiled("float64[::1](float32[:, ::1], float64[::1])")
-def _box(points: NDArray[np.float32], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
+def _box(points: Floats32, velocity: Floats) -> Floats:
     """Returns the upright box (7,) around points (P, 3), P > 0: center and size, metres, and yaw.
 
     Its yaw is the direction of the velocity (3,), or the longest direction if that gives a smaller

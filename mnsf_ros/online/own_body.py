@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.online.object_sweep import SAME_PLACE_M, ObjectSweep
@@ -43,7 +43,7 @@ class OwnBody:
         self._shares, self._num_sweeps = known._shares.copy(), known._num_sweeps
         self._frame_id = known._frame_id
 
-    def mask(self, sweep: Sweep) -> NDArray[np.bool_]:
+    def mask(self, sweep: Sweep) -> Bools:
         """Returns (N,) the points of a sweep that are on the own body, as far as it is known."""
         if sweep.frame_id != self._frame_id:
             self._frame_id, self._num_sweeps = sweep.frame_id, 0
@@ -85,7 +85,7 @@ def _travel_m(sweep: ObjectSweep, other: ObjectSweep) -> float:
 
 
 @compiled("boolean[::1](float32[:, ::1])")
-def _are_near(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _are_near(xyz: Floats32) -> Bools:
     near = np.empty(len(xyz), np.bool_)
     for row in range(len(xyz)):
         x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
@@ -100,7 +100,7 @@ def _first_cell(place_m: np.float32) -> int:
 
 
 @compiled("float32[::1](float32[:, ::1], float32[:, :, ::1])")
-def _shares_at(xyz: NDArray[np.float32], shares: NDArray[np.float32]) -> NDArray[np.float32]:
+def _shares_at(xyz: Floats32, shares: Floats32) -> Floats32:
     """Returns (N,) the largest of the shares (C, C, C) of the cells at points (N, 3)."""
     found, near = np.zeros(len(xyz), np.float32), _are_near(xyz)
     for row in np.flatnonzero(near):
@@ -110,7 +110,7 @@ def _shares_at(xyz: NDArray[np.float32], shares: NDArray[np.float32]) -> NDArray
 
 
 @compiled("void(float32[:, :, ::1], float32[:, ::1], int64)")
-def _average(shares: NDArray[np.float32], xyz: NDArray[np.float32], num_sweeps: int) -> None:
+def _average(shares: Floats32, xyz: Floats32, num_sweeps: int) -> None:
     """Includes points (P, 3) in the running mean of the shares (C, C, C) over so many sweeps."""
     is_occupied = np.zeros(shares.shape, np.bool_)
     for row in range(len(xyz)):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from mnsf_ros.arrays import Floats32, Ints
 from mnsf_ros.core.reason import Leader, Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.geometry.point_grid import REACH_M
 from mnsf_ros.geometry.rigid_motion import transformed
@@ -40,7 +40,7 @@ class Reasons:
     scene: Scene
     table: ObjectTable
 
-    def __call__(self, rows: NDArray[np.int64]) -> Reason:
+    def __call__(self, rows: Ints) -> Reason:
         """Returns the verdict on the object that owns most of these rows of the sweep."""
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
@@ -75,7 +75,7 @@ class Reasons:
             leader=leader,
         )
 
-    def _without_object(self, rows: NDArray[np.int64]) -> Verdict:
+    def _without_object(self, rows: Ints) -> Verdict:
         """The verdict on most of these points, which are in no object."""
         current = self.scene.current
         heights, is_low = current.heights[rows], ~current.kept[rows]
@@ -99,7 +99,7 @@ class Reasons:
         is_short_enough = self.scene.current.is_short_enough[number]
         return Verdict.NOT_SUSPECTED if is_short_enough else Verdict.TOO_LARGE
 
-    def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
+    def _terms(self, number: int, motion: Floats32 | None) -> tuple[SweepTerms, ...]:
         """The terms of all targets for an object with a motion (3,), metres to the next sweep."""
         objects = ObjectPoints.of(self.scene.current, self.scene.settings)
         own = objects.select(np.flatnonzero(objects.numbers == number))
@@ -121,7 +121,7 @@ def _age_s(target: Target) -> float:
     return (target.sweep.stamp_ns - target.current.stamp_ns) / NANOSECONDS
 
 
-def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]:
+def _points_around(objects: ObjectPoints, target: Target) -> Floats32:
     """Points (Q, 3) of the target, metres, current frame, around the box of the only object."""
     points = transformed(target.sweep.thinned, target.to_current)
     low, high = objects.positions.min(axis=0), objects.positions.max(axis=0)
@@ -129,11 +129,7 @@ def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]
     return np.asarray(points[is_near], np.float32)
 
 
-def _match(
-    objects: ObjectPoints,
-    target: Target,
-    motion: NDArray[np.float32],
-) -> Match:
+def _match(objects: ObjectPoints, target: Target, motion: Floats32) -> Match:
     """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
     positions = objects.positions + target.displacements(objects, motion[None])
     places = transformed(positions, target.from_current)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32, Ints
 from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.online.object_sweep import SAME_PLACE_M, ObjectSweep
 from mnsf_ros.online.target import Target
@@ -28,7 +28,7 @@ def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
     return _with_parts(current, np.flatnonzero(is_new & (current.thinned_objects > 0)))
 
 
-def rejoined(current: ObjectSweep, movers: NDArray[np.int64]) -> ObjectSweep:
+def rejoined(current: ObjectSweep, movers: Ints) -> ObjectSweep:
     """Returns the sweep with parts merged into their wholes again, except movers.
 
     If a part of a whole moves, the other parts of this whole stay separate, too: they may be
@@ -44,7 +44,7 @@ def rejoined(current: ObjectSweep, movers: NDArray[np.int64]) -> ObjectSweep:
     return current.relabelled(lambda _, object_ids: after[object_ids], wholes)
 
 
-def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
+def _with_parts(current: ObjectSweep, new: Ints) -> ObjectSweep:
     """Returns the sweep with some thinned points and their surroundings as new objects.
 
     Args:
@@ -60,12 +60,10 @@ def _with_parts(current: ObjectSweep, new: NDArray[np.int64]) -> ObjectSweep:
     is_split = np.zeros(num_objects, np.bool_)
     is_split[current.thinned_objects[new]] = True
 
-    def keys_of(points: NDArray[np.float32], object_ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    def keys_of(points: Floats32, object_ids: Ints) -> Ints:
         return parts.objects_of(points) * num_objects + object_ids
 
-    def apart(
-        points: NDArray[np.float32], object_ids: NDArray[np.int64], keys: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
+    def apart(points: Floats32, object_ids: Ints, keys: Ints) -> Ints:
         own = np.flatnonzero(is_split[object_ids])
         wanted, changed = keys_of(np.take(points, own, axis=0), object_ids[own]), object_ids.copy()
         places = np.searchsorted(keys, wanted)

@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.motions import judge
 from mnsf_ros.online.object_points import NOISE_M
@@ -39,7 +39,7 @@ def with_suspects(table: ObjectTable, targets: Targets, max_suspects: int) -> Ob
     return table.rejected(rows[order[max_suspects:]], Verdict.LEFT_OUT)
 
 
-def _are_suspects(table: ObjectTable, targets: Targets) -> NDArray[np.bool_]:
+def _are_suspects(table: ObjectTable, targets: Targets) -> Bools:
     """Returns (K,) the objects that no older sweep supports as static, and those with a track.
 
     Without older sweeps, the neighbouring ones are used. One sweep is enough to support an object,

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32, Ints
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.online.motions import JudgedMotions, TrackPrior
 from mnsf_ros.online.object_points import ObjectPoints, Rows
@@ -44,23 +45,23 @@ class ObjectTable(Rows):
     """
 
     points: ObjectPoints
-    wholes: NDArray[np.int64]
+    wholes: Ints
     verdicts: NDArray[np.object_]
     prior: TrackPrior
     static: JudgedMotions
-    first_guess: NDArray[np.float32]
+    first_guess: Floats32
     fitted: JudgedMotions
-    num_new_or_gone: NDArray[np.float64]
-    evidence: NDArray[np.float64]
-    log_odds: NDArray[np.float64]
-    residual_rise: NDArray[np.float64]
-    groups: NDArray[np.int64]
-    linear_motions: NDArray[np.float64]
-    track_ids: NDArray[np.int64]
+    num_new_or_gone: Floats
+    evidence: Floats
+    log_odds: Floats
+    residual_rise: Floats
+    groups: Ints
+    linear_motions: Floats
+    track_ids: Ints
 
     @classmethod
     def begun(
-        cls, points: ObjectPoints, wholes: NDArray[np.int64], prior: TrackPrior, targets: Targets
+        cls, points: ObjectPoints, wholes: Ints, prior: TrackPrior, targets: Targets
     ) -> "ObjectTable":
         """Returns the table before any stage: all objects are open."""
         num_objects = len(points)
@@ -89,22 +90,22 @@ class ObjectTable(Rows):
     def __len__(self) -> int:
         return len(self.points)
 
-    def rejected(self, rows: NDArray[np.int64], verdict: Verdict) -> "ObjectTable":
+    def rejected(self, rows: Ints, verdict: Verdict) -> "ObjectTable":
         """Returns the table with a verdict on some objects."""
         return self.put(rows, verdicts=verdict)
 
     @property
-    def open_rows(self) -> NDArray[np.int64]:
+    def open_rows(self) -> Ints:
         """Rows of the objects that no stage has decided yet."""
         return np.flatnonzero(self.verdicts == Verdict.OPEN)
 
     @property
-    def mover_rows(self) -> NDArray[np.int64]:
+    def mover_rows(self) -> Ints:
         """Rows of the objects that move."""
         return np.flatnonzero(self.verdicts == Verdict.DYNAMIC)
 
     @property
-    def followed_rows(self) -> NDArray[np.int64]:
+    def followed_rows(self) -> Ints:
         """Rows of the objects that move, or may move."""
         return np.flatnonzero(self.groups >= 0)
 
@@ -119,7 +120,7 @@ class ObjectTable(Rows):
         is_certain = self.verdicts == Verdict.NOT_SUSPECTED
         return self.select(np.flatnonzero((self.verdicts != Verdict.DYNAMIC) & ~is_certain))
 
-    def with_tracks(self, track_ids: NDArray[np.int64]) -> "ObjectTable":
+    def with_tracks(self, track_ids: Ints) -> "ObjectTable":
         """Returns the table with the `track_id` (G,) of each group."""
         rows = self.followed_rows
         return self.put(rows, track_ids=track_ids[self.groups[rows]])
@@ -130,7 +131,7 @@ class ObjectTable(Rows):
         return int(self.groups.max(initial=-1)) + 1
 
     @property
-    def group_motions(self) -> NDArray[np.float64]:
+    def group_motions(self) -> Floats:
         """(G, 3) metres, the mean motions of the groups' points to the next sweep."""
         rows, num_groups = self.followed_rows, self.num_groups
         groups, counts = self.groups[rows], self.points.counts[rows].astype(np.float64)
@@ -139,9 +140,7 @@ class ObjectTable(Rows):
         return np.asarray(sums_by_group(weighted, groups, num_groups) / weights, np.float64)
 
 
-def sums_by_group(
-    values: NDArray[Any], groups: NDArray[np.int64], num_groups: int
-) -> NDArray[np.float64]:
+def sums_by_group(values: NDArray[Any], groups: Ints, num_groups: int) -> Floats:
     """Returns (num_groups, 3) the sums of the values (M, 3) of each group (M,)."""
     columns = [np.bincount(groups, values[:, axis], num_groups) for axis in range(3)]
     return np.stack(columns, axis=1)

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
@@ -38,7 +38,7 @@ class Target:
     """
 
     sweep: ObjectSweep
-    from_current: NDArray[np.float64]
+    from_current: Floats
     time_ratio: float
     current: ObjectSweep
 
@@ -46,11 +46,11 @@ class Target:
     def of(cls, sweep: ObjectSweep, current: ObjectSweep, time_ratio: float) -> "Target":
         """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
-        from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
+        from_current: Floats = target_from_world @ current.pose.world_from_sensor
         return cls(sweep, from_current, time_ratio, current)
 
     @cached_property
-    def to_current(self) -> NDArray[np.float64]:
+    def to_current(self) -> Floats:
         """(4, 4) current_from_target of static points."""
         return np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
 
@@ -58,9 +58,7 @@ class Target:
         """Returns the current sweep as a target for this sweep."""
         return Target(self.current, self.to_current, -self.time_ratio, self.sweep)
 
-    def time_ratios_of(
-        self, objects: ObjectPoints, motions: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    def time_ratios_of(self, objects: ObjectPoints, motions: Floats32) -> Floats32:
         """Returns `time_ratio` as (1, 1), or as (K, 1) by the times at which objects were measured.
 
         A turning lidar meets an object that changes its azimuth sooner or later than after the
@@ -80,9 +78,7 @@ class Target:
         shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_INTERVAL)
         return (shares[:, None] * self.time_ratio).astype(np.float32)
 
-    def pulls(
-        self, objects: ObjectPoints, displacements: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
+    def pulls(self, objects: ObjectPoints, displacements: Floats32) -> Floats:
         """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
 
         Args:
@@ -96,7 +92,7 @@ class Target:
         means = vectors / np.maximum(counts, 1)[:, None]
         return turned(means, self.from_current[:3, :3].T)
 
-    def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def are_new(self, points: Floats32) -> Bools:
         """Returns (P,) which points (P, 3) are new: the sweep saw through, and had none near."""
         places = transformed(points, self.from_current)
         is_new = self.sweep.view.are_free(places)
@@ -105,7 +101,7 @@ class Target:
         return is_new
 
     @cached_property
-    def gone(self) -> NDArray[np.float32]:
+    def gone(self) -> Floats32:
         """(G, 3) metres, current frame, points of possible movers whose places are free by now."""
         is_short_enough = self.sweep.is_short_enough[self.sweep.thinned_objects]
         points = chosen_points(self.sweep.thinned, is_short_enough)
@@ -113,13 +109,13 @@ class Target:
         return transformed(chosen_points(points, is_gone), self.to_current)
 
     @property
-    def objects_near_gone(self) -> NDArray[np.int64]:
+    def objects_near_gone(self) -> Ints:
         """The numbers of the objects of the current sweep that are near points that are gone."""
         nearest = self.current.grid.nearest(self.gone)
         objects = self.current.thinned_objects[nearest[nearest >= 0]]
         return np.append(objects, self.current.wholes[objects])
 
-    def num_free(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.int64]:
+    def num_free(self, objects: ObjectPoints, motions: Floats32) -> Ints:
         """Returns (K,) how many points of each object are in free space of the sweep.
 
         Args:
@@ -130,7 +126,7 @@ class Target:
         free = self.sweep.view.are_free(transformed(moved, self.from_current))
         return np.asarray(objects.sums(free.astype(np.int64)), np.int64)
 
-    def rows_of_gone(self, places: NDArray[np.float32]) -> NDArray[np.int64]:
+    def rows_of_gone(self, places: Floats32) -> Ints:
         """Returns (M,) the row of the nearest place for each point of `gone` that is near one.
 
         Args:
@@ -139,7 +135,7 @@ class Target:
         nearest = PointGrid(places).nearest(self.gone, SAME_PLACE_M)
         return nearest[nearest >= 0]
 
-    def are_unseen(self, places: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def are_unseen(self, places: Floats32) -> Bools:
         """Returns (P,) which places (P, 3), frame of the target, are hidden or out of view.
 
         They are behind a surface, above or below all beams, or in a direction without returns in
@@ -148,9 +144,7 @@ class Target:
         view = self.sweep.view
         return view.are_hidden(places) | view.are_out(places, self.current.view)
 
-    def limits_m(
-        self, objects: ObjectPoints, displacements: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    def limits_m(self, objects: ObjectPoints, displacements: Floats32) -> Floats32:
         """Returns (P,) metres, the largest residuals of points that are moved to this sweep.
 
         Args:
@@ -161,11 +155,8 @@ class Target:
         return self.sweep.view.limits_m(places, self.current.view, REACH_M, _HIDDEN_M)
 
     def residuals(
-        self,
-        objects: ObjectPoints,
-        motions: NDArray[np.float32],
-        max_mean_m: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
+        self, objects: ObjectPoints, motions: Floats32, max_mean_m: Floats | None = None
+    ) -> Floats:
         """Returns the residuals of moved objects: mean distance to the target beyond the spacing.
 
         Args:
@@ -188,9 +179,7 @@ class Target:
         )
         return np.asarray(sums / objects.counts, np.float64)
 
-    def displacements(
-        self, objects: ObjectPoints, motions: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    def displacements(self, objects: ObjectPoints, motions: Floats32) -> Floats32:
         """Returns (K, 3) metres, the motions of objects until the time of the target.
 
         Args:

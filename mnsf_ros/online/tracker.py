@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from mnsf_ros.arrays import Bools, Floats, Ints
 from mnsf_ros.core.reason import Verdict
 from mnsf_ros.geometry.point_grid import REACH_M, PointGrid
 from mnsf_ros.geometry.rigid_motion import transformed, turned
@@ -45,18 +45,16 @@ class Measurements:
         owners: (P,) int from 0 to G - 1, rising.
     """
 
-    states: NDArray[np.float64]
-    variances: NDArray[np.float64]
-    turn_rates: NDArray[np.float64]
-    log_odds: NDArray[np.float64]
-    are_moving: NDArray[np.bool_]
-    points: NDArray[np.float64]
-    owners: NDArray[np.int64]
+    states: Floats
+    variances: Floats
+    turn_rates: Floats
+    log_odds: Floats
+    are_moving: Bools
+    points: Floats
+    owners: Ints
 
     @classmethod
-    def of(
-        cls, table: ObjectTable, world_from_sensor: NDArray[np.float64], interval_s: float
-    ) -> "Measurements":
+    def of(cls, table: ObjectTable, world_from_sensor: Floats, interval_s: float) -> "Measurements":
         """Returns the groups of a table.
 
         Args:
@@ -98,7 +96,7 @@ class Measurements:
         return len(self.states)
 
     @property
-    def points_of_each(self) -> list[NDArray[np.float64]]:
+    def points_of_each(self) -> list[Floats]:
         """(P, 3) metres of each group."""
         starts = np.searchsorted(self.owners, np.arange(1, len(self)))
         return np.split(self.points, starts) if len(self) else []
@@ -127,24 +125,18 @@ class Track:
     seen_ns: int
     num_moving: int
     log_odds: float
-    state: NDArray[np.float64]
+    state: Floats
     turn_rate: float
-    covariance: NDArray[np.float64]
-    points: NDArray[np.float64]
+    covariance: Floats
+    points: Floats
 
     @property
-    def velocity(self) -> NDArray[np.float64]:
+    def velocity(self) -> Floats:
         """(3,) metres per second."""
         return self.state[1]
 
     @classmethod
-    def begun(
-        cls,
-        track_id: int,
-        stamp_ns: int,
-        state: NDArray[np.float64],
-        variances: NDArray[np.float64],
-    ) -> "Track":
+    def begun(cls, track_id: int, stamp_ns: int, state: Floats, variances: Floats) -> "Track":
         """A track that begins with a measured state and its variances (2,)."""
         nothing = np.zeros((0, 3))
         return cls(
@@ -152,13 +144,7 @@ class Track:
         )
 
     def seen(
-        self,
-        stamp_ns: int,
-        points: NDArray[np.float64],
-        log_odds: float,
-        turn_rate: float,
-        *,
-        moves: bool,
+        self, stamp_ns: int, points: Floats, log_odds: float, turn_rate: float, *, moves: bool
     ) -> "Track":
         """The track after it was seen again, its state already corrected."""
         return replace(
@@ -202,7 +188,7 @@ class Tracker:
 
     def update(
         self, tracks: Sequence[Track], measured: Measurements, stamp_ns: int, interval_s: float
-    ) -> tuple[list[Track], NDArray[np.int64]]:
+    ) -> tuple[list[Track], Ints]:
         """Continues tracks with the measurements of a sweep, and begins new ones.
 
         Args:
@@ -240,10 +226,7 @@ class Tracker:
 
 
 def track_prior(
-    tracks: Sequence[Track],
-    objects: ObjectPoints,
-    world_from_sensor: NDArray[np.float64],
-    interval_s: float,
+    tracks: Sequence[Track], objects: ObjectPoints, world_from_sensor: Floats, interval_s: float
 ) -> TrackPrior:
     """Returns the prior of the motions of K objects, from tracks predicted to their sweep.
 
@@ -295,9 +278,7 @@ def _predicted(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
     ]
 
 
-def _corrected(
-    tracks: Sequence[Track], states: NDArray[np.float64], variances: NDArray[np.float64]
-) -> list[Track]:
+def _corrected(tracks: Sequence[Track], states: Floats, variances: Floats) -> list[Track]:
     """Predicted tracks after measurements of their states (K, 2, 3) with variances (K, 2)."""
     predicted = np.array([track.state for track in tracks]).reshape(-1, 2, 3)
     prior = np.array([track.covariance for track in tracks]).reshape(-1, 2, 2)
@@ -312,14 +293,14 @@ def _corrected(
     ]
 
 
-def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(left: Floats, right: Floats) -> Floats:
     """Products of matrices (K, 2, 2) and (K, 2, M); their order of summing is fixed."""
     return (left[:, :, :, None] * right[:, None]).sum(axis=2)
 
 
 def _shares_at_tracks(
-    tracks: Sequence[Track], points: NDArray[np.float64], owners: NDArray[np.int64], num_owners: int
-) -> NDArray[np.float64]:
+    tracks: Sequence[Track], points: Floats, owners: Ints, num_owners: int
+) -> Floats:
     """Returns (num_owners, K) the share of each owner's points that each track predicts.
 
     Args:
@@ -341,11 +322,8 @@ def _shares_at_tracks(
 
 
 def _assigned(
-    tracks: Sequence[Track],
-    measured: Measurements,
-    shares: NDArray[np.float64],
-    may_continue: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    tracks: Sequence[Track], measured: Measurements, shares: Floats, may_continue: Bools
+) -> tuple[Ints, Ints]:
     """Returns (A,) groups that continue a track, and (A,) the indices of their tracks."""
     # Of two tracks at the same place the one seen more often continues.
     seniority = 1 - 1 / (1 + np.array([track.num_moving for track in tracks]))

@@ -7,11 +7,11 @@ and shear an object; `turning` keeps the horizontal motion and the turn only.
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Floats, Floats32, Ints
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.online.object_points import ObjectPoints
@@ -26,12 +26,10 @@ _HALF_WEIGHT_M: Final = 0.1
 
 # (K, 3, 3) for K objects: the flow to the next sweep, in metres: that of the middle, and what each
 # metre of an offset adds.
-LinearMotions = NDArray[np.float64]
+LinearMotions = Floats
 
 
-def rigid_motions(
-    motions: NDArray[np.floating[Any]], turns: NDArray[np.float64] | float = 0.0
-) -> LinearMotions:
+def rigid_motions(motions: AnyFloats, turns: Floats | float = 0.0) -> LinearMotions:
     """Returns the linear motions of objects that move by (K, 3) metres and turn by (K,) radians.
 
     Turns are small angles about the middle, positive to the left.
@@ -42,7 +40,7 @@ def rigid_motions(
     return linear
 
 
-def turns_of(linear: LinearMotions) -> NDArray[np.float64]:
+def turns_of(linear: LinearMotions) -> Floats:
     """Returns (K,) the turn angles of linear motions, radians."""
     return np.asarray((linear[:, 1, 1] - linear[:, 2, 0]) / 2, np.float64)
 
@@ -50,9 +48,7 @@ def turns_of(linear: LinearMotions) -> NDArray[np.float64]:
 class LinearFit:
     """Points of objects, to fit linear motions to targets."""
 
-    def __init__(
-        self, objects: ObjectPoints, motions: NDArray[np.float32], targets: Sequence[Target]
-    ) -> None:
+    def __init__(self, objects: ObjectPoints, motions: Floats32, targets: Sequence[Target]) -> None:
         """Computes the features of the points.
 
         Args:
@@ -65,7 +61,7 @@ class LinearFit:
         self._features = with_offsets(objects.positions - objects.centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
-    def residuals(self, target: Target, linear: LinearMotions) -> NDArray[np.float64]:
+    def residuals(self, target: Target, linear: LinearMotions) -> Floats:
         """Returns (K,) metres, the residual of each object on a target, after its motion."""
         objects = self._objects
         moved = self._flow(self._time_ratios[target][:, :, None] * linear)
@@ -107,12 +103,12 @@ class LinearFit:
             flow = self._flow(linear)
         return np.asarray(linear / time_ratios, np.float64)
 
-    def _flow(self, linear: LinearMotions) -> NDArray[np.float32]:
+    def _flow(self, linear: LinearMotions) -> Floats32:
         """Returns (P, 3) metres, the flow of the points."""
         return flow_by(self._features, self._objects.owners, linear)
 
 
-def with_offsets(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
+def with_offsets(offsets: Floats32) -> Floats:
     """Returns (P, 3) features, 1 and horizontal offsets, of points at offsets (P, 3), metres."""
     features = np.ones((len(offsets), 3))
     features[:, 1:] = offsets[:, :2]
@@ -120,9 +116,7 @@ def with_offsets(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 @compiled("float32[:, ::1](float64[:, ::1], int64[::1], float64[:, :, ::1])")
-def flow_by(
-    features: NDArray[np.float64], owners: NDArray[np.int64], linear: LinearMotions
-) -> NDArray[np.float32]:
+def flow_by(features: Floats, owners: Ints, linear: LinearMotions) -> Floats32:
     """Returns (P, 3) metres, the flow of features (P, 3) by the motions of their owners (P,)."""
     flow = np.empty((len(features), 3), np.float32)
     for row in range(len(features)):
@@ -138,12 +132,8 @@ def flow_by(
     "(float64[:, ::1], int64[::1], float64[::1], float64[:, ::1], int64)"
 )
 def _normal_equations(
-    features: NDArray[np.float64],
-    owners: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    wanted: NDArray[np.float64],
-    num_objects: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    features: Floats, owners: Ints, weights: Floats, wanted: Floats, num_objects: int
+) -> tuple[Floats, Floats]:
     """Returns the left and the right sides, (num_objects, 3, 3) each, of weighted least squares.
 
     Args:
@@ -179,11 +169,7 @@ def with_turns(table: ObjectTable, scene: Scene) -> ObjectTable:
 
 
 def turning(
-    movers: ObjectPoints,
-    groups: NDArray[np.int64],
-    motions: NDArray[np.float32],
-    turns: NDArray[np.float64],
-    targets: Targets,
+    movers: ObjectPoints, groups: Ints, motions: Floats32, turns: Floats, targets: Targets
 ) -> LinearMotions:
     """Returns the linear motions of K movers: motions of their middles, and turns about these.
 

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.errors import UNREADABLE, RecordingError, reason
@@ -172,13 +172,13 @@ class BagWriter:
     def write_odometry(
         self,
         topic: str,
-        pose: NDArray[np.floating[Any]],
+        pose: AnyFloats,
         stamp_ns: int,
         frame_id: str,
         child_frame_id: str,
         *,
-        velocity: NDArray[np.float64] | None = None,
-        covariance: NDArray[np.float64] | None = None,
+        velocity: Floats | None = None,
+        covariance: Floats | None = None,
     ) -> None:
         """Adds the (4, 4) pose, metres, of the child frame in `frame_id`.
 
@@ -199,9 +199,7 @@ class BagWriter:
                 message.twist.covariance = UNKNOWN_COVARIANCE.ravel()
         self.write_message(topic, message, stamp_ns)
 
-    def write_transforms(
-        self, stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.floating[Any]]]
-    ) -> None:
+    def write_transforms(self, stamp_ns: int, poses: Mapping[tuple[str, str], AnyFloats]) -> None:
         """Adds transforms to `/tf`: frame and child frame to the (4, 4) pose of the child."""
         with self._guarded():
             message = Messages("tf2_msgs").TFMessage()
@@ -257,7 +255,7 @@ def _header(stamp_ns: int, frame_id: str) -> Any:  # noqa: ANN401 - a std_msgs/H
     return header
 
 
-def _set_pose(place: Any, turn: Any, pose: NDArray[np.floating[Any]]) -> None:  # noqa: ANN401
+def _set_pose(place: Any, turn: Any, pose: AnyFloats) -> None:  # noqa: ANN401
     """Sets a position and a quaternion of ROS to a (4, 4) pose."""
     place.x, place.y, place.z = pose[:3, 3].tolist()
     turn.x, turn.y, turn.z, turn.w = pose_quaternion(pose)

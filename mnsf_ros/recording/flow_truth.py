@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Bools, Floats32, Ints
 from mnsf_ros.errors import RecordingError
 from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError
@@ -53,10 +54,10 @@ class FlowTruth:
     """
 
     stamp_ns: int  # of the header of the sweep
-    flow: NDArray[np.float32]  # (N, 3) metres; NaN if not valid
-    valid: NDArray[np.bool_]  # (N,) the flow of the point is known
-    dynamic: NDArray[np.bool_]  # (N,) the surface itself moves, faster than DYNAMIC_SPEED_M_S
-    ground: NDArray[np.bool_]  # (N,) the point is on the ground
+    flow: Floats32  # (N, 3) metres; NaN if not valid
+    valid: Bools  # (N,) the flow of the point is known
+    dynamic: Bools  # (N,) the surface itself moves, faster than DYNAMIC_SPEED_M_S
+    ground: Bools  # (N,) the point is on the ground
     class_id: NDArray[np.uint8]  # (N,) `SurfaceClass`, 0 if unknown
     object_id: NDArray[np.uint32] | None = None  # (N,) the same in all sweeps, 0 for no object
 
@@ -64,7 +65,7 @@ class FlowTruth:
         """Returns the number of points."""
         return len(self.flow)
 
-    def of_points(self, rows: NDArray[np.int64]) -> "FlowTruth":
+    def of_points(self, rows: Ints) -> "FlowTruth":
         """Returns the truth of the points in these rows."""
         known = {name: getattr(self, name) for name in _ARRAYS}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
@@ -77,7 +78,7 @@ class FlowTruth:
             del columns[_OBJECT]
         return cls(parts[0].stamp_ns, **{k: np.concatenate(each) for k, each in columns.items()})
 
-    def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
+    def encode(self, xyz: AnyFloats) -> EncodedCloud:
         """Returns the truth and the (N, 3) points, metres, as a cloud that viewers can show.
 
         Raises:
@@ -140,7 +141,7 @@ class FlowTruth:
 class TrueSweep:
     """A sweep with its truth, as in a recording."""
 
-    xyz: NDArray[np.float32]  # (N, 3) metres, sensor frame
+    xyz: Floats32  # (N, 3) metres, sensor frame
     truth: FlowTruth  # row for row; its stamp is that of the sweep
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # further ones, (N,) each
-    pose: NDArray[np.floating[Any]] | None = None  # (4, 4) world_from_sensor at the stamp
+    pose: AnyFloats | None = None  # (4, 4) world_from_sensor at the stamp

@@ -4,8 +4,8 @@
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.geometry.transforms import transform_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TF_TYPE
@@ -19,7 +19,7 @@ class StaticFrames:
     """The frames of all topics that end in /tf_static; damaged transforms are left out."""
 
     def __init__(self, reader: BagReader) -> None:
-        self._parents: dict[str, tuple[str, NDArray[np.float64]]] = {}
+        self._parents: dict[str, tuple[str, Floats]] = {}
         for topic, summary in reader.topics.items():
             if topic.endswith(_NAME) and summary.has_messages(TF_TYPE):
                 for item in reader.readable_messages(topic):
@@ -29,7 +29,7 @@ class StaticFrames:
                             pose = transform_matrix(one.transform)
                             self._parents[child.lstrip("/")] = parent.lstrip("/"), pose
 
-    def find(self, target: str, source: str) -> NDArray[np.float64] | None:
+    def find(self, target: str, source: str) -> Floats | None:
         """Returns target_from_source (4, 4); None if nothing leads from one to the other."""
         above_target, above_source = self._above(target), self._above(source)
         common = next((frame for frame in above_target if frame in above_source), None)
@@ -37,7 +37,7 @@ class StaticFrames:
             return None
         return np.linalg.inv(above_target[common]) @ above_source[common]
 
-    def _above(self, frame: str) -> dict[str, NDArray[np.float64]]:
+    def _above(self, frame: str) -> dict[str, Floats]:
         """The frame and those above it, with its pose (4, 4) in each."""
         frame, pose = frame.lstrip("/"), np.eye(4)
         found = {frame: pose}

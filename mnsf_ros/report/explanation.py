@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.reason import Match, PointState, Reason, SweepTerms, Verdict
 from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector_text
@@ -76,7 +76,7 @@ def _panel(name: str, sweep: SweepTerms, match: Match) -> Panel:
     return Panel(title, sweep.points, positions)
 
 
-def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) -> list[str]:
+def decision(example: Example, estimate: FlowEstimate, rows: Ints) -> list[str]:
     """Returns the decision of an estimate about the rows (M,) of one object, as lines.
 
     Raises:
@@ -127,7 +127,7 @@ def _estimated(
     )
 
 
-def _truth_at(example: Example, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], float, str]:
+def _truth_at(example: Example, rows: Ints) -> tuple[Floats, float, str]:
     """Returns mean true motion (3,) over ground, share of dynamic points, and both as a line."""
     truth = example.truth
     if truth is None or not truth.valid[rows].any():

@@ -14,11 +14,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray, planar_pose
+from mnsf_ros.arrays import AnyFloats
+from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.routes import SensorTrip, Trip
 
-Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+Directions: TypeAlias = tuple[AnyFloats, AnyFloats, AnyFloats]
 
 # Stands for zero in divisions: a ray parallel to a face meets it immeasurably far away.
 _PARALLEL = 1e-200
@@ -44,7 +45,7 @@ class Shape:
 
     kind: ShapeKind
     half_extents: tuple[float, float, float]
-    body_from_shape: FloatArray
+    body_from_shape: AnyFloats
     is_glass: bool = False
 
 
@@ -67,8 +68,8 @@ def sphere(x: float, y: float, z: float, radius: float) -> Shape:
 
 
 def entry_ranges(
-    kind: ShapeKind, half_extents: FloatArray, origin: FloatArray, directions: Directions
-) -> FloatArray:
+    kind: ShapeKind, half_extents: AnyFloats, origin: AnyFloats, directions: Directions
+) -> AnyFloats:
     """Returns the range at which each ray enters the shape, `inf` if it never does."""
     # Rays beside something round have no entry: the root is NaN, which compares as a miss.
     with np.errstate(invalid="ignore"):
@@ -85,8 +86,8 @@ def entry_ranges(
 
 
 def normals(
-    kinds: NDArray[np.integer[Any]], half_extents: FloatArray, points: FloatArray
-) -> FloatArray:
+    kinds: NDArray[np.integer[Any]], half_extents: AnyFloats, points: AnyFloats
+) -> AnyFloats:
     """Returns (N, 3) outward normals at points on shapes, each in the frame of its shape.
 
     Kinds are (N,), half extents (N, 3).
@@ -103,7 +104,7 @@ def normals(
     return outward / np.maximum(np.linalg.norm(outward, axis=1), _PARALLEL)[:, None]
 
 
-def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _slab(half: float, start: float, direction: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Returns the ranges at which rays enter and leave the layer -half..half of one axis."""
     inverse = 1.0 / np.where(direction == 0.0, _PARALLEL, direction)
     middle = -start * inverse
@@ -112,16 +113,16 @@ def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray,
 
 
 def _clip(
-    near: FloatArray, far: FloatArray, half: float, start: float, direction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    near: AnyFloats, far: AnyFloats, half: float, start: float, direction: AnyFloats
+) -> tuple[AnyFloats, AnyFloats]:
     """Narrows the interval [near, far] to the layer between -half and +half of one axis."""
     enter, leave = _slab(half, start, direction)
     return np.maximum(near, enter), np.minimum(far, leave)
 
 
 def _round_interval(
-    radius: float, origin: FloatArray, directions: tuple[FloatArray, ...]
-) -> tuple[FloatArray, FloatArray]:
+    radius: float, origin: AnyFloats, directions: tuple[AnyFloats, ...]
+) -> tuple[AnyFloats, AnyFloats]:
     """Returns the ranges at which rays enter and leave a circle or sphere; NaN if never."""
     squared = np.maximum(sum(direction * direction for direction in directions), _PARALLEL)
     along = sum(start * direction for start, direction in zip(origin, directions, strict=True))
@@ -142,7 +143,7 @@ class Model:
     smoothness: float = 0.0  # share of the light that it reflects as a mirror does, 0 to 1
 
     @property
-    def box(self) -> tuple[FloatArray, FloatArray]:
+    def box(self) -> tuple[AnyFloats, AnyFloats]:
         """Middle and size, (3,) metres each, of the box around its shapes."""
         poses = np.array([shape.body_from_shape for shape in self.shapes])
         half = np.array([shape.half_extents for shape in self.shapes])
@@ -160,14 +161,14 @@ class Body:
     """A model at rest at a (4, 4) `world_from_body`, on a trip, or fixed to the lidar."""
 
     model: Model
-    placement: FloatArray | Trip | SensorTrip
+    placement: AnyFloats | Trip | SensorTrip
 
     @property
     def trip(self) -> Trip | None:
         """The trip of a body that can move, otherwise None."""
         return self.placement if isinstance(self.placement, Trip) else None
 
-    def world_from_body(self, time_s: float) -> FloatArray:
+    def world_from_body(self, time_s: float) -> AnyFloats:
         """Returns the (4, 4) pose at a time in seconds."""
         if isinstance(self.placement, Trip):
             return self.placement.pose(time_s)

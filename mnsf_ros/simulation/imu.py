@@ -5,9 +5,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.simulation.routes import SensorTrip
 
 # MPU-6000/MPU-6050, product specification 3.4, section 6.1: noise density, tolerance of the
@@ -22,8 +22,8 @@ _STEP_S: Final = 1e-4
 
 
 def turn_rates(
-    ego: SensorTrip, times_s: NDArray[np.float64], rate_hz: float, rng: np.random.Generator
-) -> NDArray[np.float64]:
+    ego: SensorTrip, times_s: Floats, rate_hz: float, rng: np.random.Generator
+) -> Floats:
     """Returns (T, 3) rad/s about the axes of the lidar at (T,) times of a rate.
 
     They have errors of sensitivity, bias and noise.

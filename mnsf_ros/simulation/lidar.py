@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.arrays import AnyFloats, Ints32
 from mnsf_ros.simulation.bodies import Directions, Shape, entry_ranges, normals
 
 # Glass returns rays within 15 degrees of its normal.
@@ -21,11 +21,11 @@ _TINY = 1e-9
 class Rays:
     """Rays in the lidar frame: C azimuth columns of B beams, angles in radians."""
 
-    azimuth: FloatArray  # (C,) increasing, also beyond pi
-    elevations: FloatArray  # (1, B) increasing, the same in all columns, or (C, 1)
+    azimuth: AnyFloats  # (C,) increasing, also beyond pi
+    elevations: AnyFloats  # (1, B) increasing, the same in all columns, or (C, 1)
 
     @cached_property
-    def _ahead(self) -> tuple[FloatArray, FloatArray]:
+    def _ahead(self) -> tuple[AnyFloats, AnyFloats]:
         return np.cos(self.azimuth), np.sin(self.azimuth)
 
     @property
@@ -33,7 +33,7 @@ class Rays:
         """Numbers of columns and of beams."""
         return len(self.azimuth), self.elevations.shape[1]
 
-    def directions(self, frame_from_lidar: FloatArray, window: "Window") -> Directions:
+    def directions(self, frame_from_lidar: AnyFloats, window: "Window") -> Directions:
         """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
         columns, beams = window
         cos_azimuth, sin_azimuth = (part[columns, None] for part in self._ahead)
@@ -63,8 +63,8 @@ class ShapeTable:
         self._poses = np.array([shape.body_from_shape for shape in shapes]).reshape(-1, 4, 4)
 
     def cast(
-        self, rays: Rays, lidar_from_body: FloatArray, limits_m: tuple[float, float]
-    ) -> tuple[FloatArray, NDArray[np.int32]]:
+        self, rays: Rays, lidar_from_body: AnyFloats, limits_m: tuple[float, float]
+    ) -> tuple[AnyFloats, Ints32]:
         """Returns (C, B) ranges to the first shape of each ray and (C, B) numbers of the shapes.
 
         They are `inf` metres and -1 without a hit. Rays pass through shapes nearer than the first
@@ -94,9 +94,7 @@ class ShapeTable:
             shapes[window] = np.where(nearer, k, shapes[window])
         return ranges, shapes
 
-    def normals(
-        self, shapes: NDArray[np.int32], points: FloatArray, lidar_from_body: FloatArray
-    ) -> FloatArray:
+    def normals(self, shapes: Ints32, points: AnyFloats, lidar_from_body: AnyFloats) -> AnyFloats:
         """Returns (N, 3) outward normals at points (N, 3) on shapes (N,), in the lidar frame."""
         poses = (lidar_from_body[self.body_of_shape] @ self._poses)[shapes]
         rotations = poses[:, :3, :3]
@@ -105,20 +103,20 @@ class ShapeTable:
         own = normals(kinds, self.half_extents[shapes], local)
         return np.einsum("nij,nj->ni", rotations, own)
 
-    def _nearest(self, poses: FloatArray) -> FloatArray:
+    def _nearest(self, poses: AnyFloats) -> AnyFloats:
         """Returns (K,) distances from the lidar to the nearest point of each bounding box."""
         local = np.einsum("kji,kj->ki", poses[:, :3, :3], -poses[:, :3, 3])
         outside = np.maximum(np.abs(local) - self.half_extents, 0.0)
         return np.linalg.norm(outside, axis=1)
 
-    def _azimuths(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _azimuths(self, poses: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
         """Returns (K,) azimuths of the shapes, and how far their bounding spheres reach around."""
         x, y = poses[:, 0, 3], poses[:, 1, 3]
         flat_m = np.hypot(x, y)
         reaches = np.arcsin(np.minimum(self._radii / np.maximum(flat_m, _TINY), 1.0))
         return np.arctan2(y, x), np.where(flat_m <= self._radii, math.pi, reaches)
 
-    def _beams(self, k: int, pose: FloatArray, rays: Rays) -> slice:
+    def _beams(self, k: int, pose: AnyFloats, rays: Rays) -> slice:
         """Returns the beams that can meet the bounding sphere of shape k."""
         distance_m, radius_m = float(np.linalg.norm(pose[:3, 3])), float(self._radii[k])
         if len(rays.elevations) > 1 or distance_m <= radius_m:
@@ -128,7 +126,7 @@ class ShapeTable:
             *np.searchsorted(rays.elevations[0], [middle - reach, middle + reach]).tolist()
         )
 
-    def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
+    def _entry(self, k: int, pose: AnyFloats, rays: Rays, window: Window) -> AnyFloats:
         """Returns the ranges at which the window's rays enter shape k, metres; `inf`: misses."""
         shape_from_lidar = pose[:3, :3].T
         origin = shape_from_lidar @ -pose[:3, 3]
@@ -139,6 +137,6 @@ class ShapeTable:
         return entry
 
 
-def _turned(angles: FloatArray) -> FloatArray:
+def _turned(angles: AnyFloats) -> AnyFloats:
     """Returns angles turned to -pi to pi."""
     return (angles + math.pi) % (2 * math.pi) - math.pi

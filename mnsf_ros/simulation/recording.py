@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
-from mnsf_ros.geometry.transforms import FloatArray, apply, invert
+from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.recording.bag_topics import (
     IMU_TOPIC,
     LIDAR_FRAME,
@@ -68,7 +69,7 @@ def write_recording(
     return simulator
 
 
-def _write_turn_rates(writer: BagWriter, rates: NDArray[np.float64]) -> None:
+def _write_turn_rates(writer: BagWriter, rates: Floats) -> None:
     for time_s, *rate in rates.tolist():
         stamp_ns = FIRST_STAMP_NS + round(time_s * NANOSECONDS)
         writer.write_turn_rate(IMU_TOPIC, rate, stamp_ns, LIDAR_FRAME)
@@ -106,7 +107,7 @@ def _exact_tracks(
 
 
 def _track(
-    body: Body, track_id: int, time_s: float, lidar_from_world: FloatArray, num_points: int
+    body: Body, track_id: int, time_s: float, lidar_from_world: AnyFloats, num_points: int
 ) -> TrackedObject:
     pose, after = body.world_from_body(time_s), body.world_from_body(time_s + _STEP_S)
     lidar_from_body, (middle, size) = lidar_from_world @ pose, body.model.box
@@ -124,7 +125,7 @@ def _track(
     )
 
 
-def _velocity(pose: FloatArray, after: FloatArray) -> NDArray[np.float64]:
+def _velocity(pose: AnyFloats, after: AnyFloats) -> Floats:
     """(6,) along and about the axes of a body, from its poses in the world."""
     step = np.asarray(invert(pose) @ after, np.float64)
     return SweepMotion.of_step(step, _STEP_S, 0.0).velocity

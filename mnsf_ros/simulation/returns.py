@@ -9,9 +9,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.arrays import AnyFloats, Bools
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Data sheets give the range for surfaces that return a tenth of the light.
@@ -33,8 +32,8 @@ SMOOTHNESS: Final = np.array([_SMOOTH.get(kind, 0.0) for kind in (0, *SurfaceCla
 
 
 def reflectance(
-    brightness: FloatArray, smoothness: FloatArray, wetness: float, cosines: FloatArray
-) -> FloatArray:
+    brightness: AnyFloats, smoothness: AnyFloats, wetness: float, cosines: AnyFloats
+) -> AnyFloats:
     """Returns (N,) shares of the light that surfaces return.
 
     Their brightness (N,) is 0 to 255, 100 is white; their smoothness (N,), if dry, and the wetness
@@ -47,12 +46,8 @@ def reflectance(
 
 
 def are_returned(
-    shares: FloatArray,
-    ranges: FloatArray,
-    reach_m: float,
-    fog_per_m: float,
-    rng: np.random.Generator,
-) -> NDArray[np.bool_]:
+    shares: AnyFloats, ranges: AnyFloats, reach_m: float, fog_per_m: float, rng: np.random.Generator
+) -> Bools:
     """Returns the mask (N,) of the rays that the lidar receives, with speckle.
 
     `shares` (N,) are of the light that surfaces return, at ranges (N,) in metres; `reach_m` and

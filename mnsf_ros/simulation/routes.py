@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mnsf_ros.geometry.transforms import FloatArray, planar_pose, tilt
+from mnsf_ros.arrays import AnyFloats
+from mnsf_ros.geometry.transforms import planar_pose, tilt
 
 EGO_LENGTH_M = 4.4
 EGO_WIDTH_M = 1.8
@@ -24,12 +25,12 @@ class Slope:
     grade: float = 0.0
 
     @property
-    def world_from_climb(self) -> FloatArray:
+    def world_from_climb(self) -> AnyFloats:
         """(4, 4) frame of the climbing ground: z = 0 is the ground, x > 0 the climb."""
         pose = planar_pose(self.start_x, 0.0, 0.0) @ tilt(-math.atan(self.grade), 0.0)
         return pose @ planar_pose(-self.start_x, 0.0, 0.0)
 
-    def lifted(self, pose: FloatArray) -> FloatArray:
+    def lifted(self, pose: AnyFloats) -> AnyFloats:
         """Returns a pose (4, 4) on level ground as it is on this ground; it turns gradually."""
         share = (float(pose[0, 3]) - self.start_x) / _VERTEX_M + 0.5
         if share <= 0.0:
@@ -51,13 +52,13 @@ class Route:
     travel in radians, without jumps.
     """
 
-    points: FloatArray
-    arc_m: FloatArray
-    yaw: FloatArray
+    points: AnyFloats
+    arc_m: AnyFloats
+    yaw: AnyFloats
     slope: Slope = LEVEL
 
     @classmethod
-    def through(cls, points: FloatArray, slope: Slope = LEVEL) -> "Route":
+    def through(cls, points: AnyFloats, slope: Slope = LEVEL) -> "Route":
         """Returns the route that visits the (M, 2) points, given in metres, in order."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         arc_m = np.concatenate([[0.0], np.cumsum(steps)])
@@ -79,7 +80,7 @@ class Route:
         left = np.stack([-np.sin(self.yaw), np.cos(self.yaw)], axis=1)
         return Route.through(self.points + left_m * left, self.slope)
 
-    def poses(self, arc_m: FloatArray) -> FloatArray:
+    def poses(self, arc_m: AnyFloats) -> AnyFloats:
         """Returns (T, 3) x, y and yaw at (T,) arc lengths; routes end in straight lines."""
         inside = np.clip(arc_m, 0.0, self.length_m)
         yaw = np.interp(inside, self.arc_m, self.yaw)
@@ -96,15 +97,15 @@ class SpeedProfile:
     (P,) increasing breakpoints in seconds and the speeds there in m/s.
     """
 
-    times_s: FloatArray
-    speeds_m_s: FloatArray
+    times_s: AnyFloats
+    speeds_m_s: AnyFloats
 
     @classmethod
     def steady(cls, speed_m_s: float) -> "SpeedProfile":
         """Returns a profile of constant speed."""
         return cls(np.array([0.0]), np.array([speed_m_s]))
 
-    def distances(self, times_s: FloatArray) -> FloatArray:
+    def distances(self, times_s: AnyFloats) -> AnyFloats:
         """Returns (T,) metres traveled since the first breakpoint, negative before it."""
         speed = self.speeds_m_s
         spans = np.diff(self.times_s)
@@ -130,12 +131,12 @@ class Trip:
         """Returns the trip that is at an arc length at time 0."""
         return cls(route, profile, arc_m - float(profile.distances(np.zeros(1))[0]))
 
-    def planar(self, times_s: FloatArray) -> FloatArray:
+    def planar(self, times_s: AnyFloats) -> AnyFloats:
         """Returns (T, 3) world x, y (metres) and yaw (radians) at (T,) times in seconds."""
         traveled = self.profile.distances(times_s)
         return self.route.poses(self.start_arc_m + traveled)
 
-    def pose(self, time_s: float) -> FloatArray:
+    def pose(self, time_s: float) -> AnyFloats:
         """Returns the (4, 4) pose `world_from_body` at a time in seconds."""
         x, y, yaw = self.planar(np.array([time_s]))[0]
         return self.route.slope.lifted(planar_pose(x, y, yaw))
@@ -150,10 +151,10 @@ class SensorTrip:
     """
 
     trip: Trip
-    sway: FloatArray
+    sway: AnyFloats
     mounting: tuple[float, float, float]
 
-    def world_from_sensor(self, time_s: float) -> FloatArray:
+    def world_from_sensor(self, time_s: float) -> AnyFloats:
         """Returns the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
         amplitude, frequency, phase = self.sway.T
         sway = amplitude * np.sin(2 * math.pi * frequency * time_s + phase)
@@ -167,10 +168,10 @@ class SensorTrip:
 class _Track:
     """Discs (T, K, 2) that cover a footprint over time, and their bounding box."""
 
-    centers: FloatArray
+    centers: AnyFloats
     radius_m: float
-    low: FloatArray
-    high: FloatArray
+    low: AnyFloats
+    high: AnyFloats
 
 
 class Clearance:

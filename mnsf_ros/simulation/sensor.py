@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.arrays import AnyFloats, Bools, Floats
 from mnsf_ros.simulation.lidar import Rays
 from mnsf_ros.simulation.settings import SimulationSettings, drawn
 
@@ -34,7 +34,7 @@ class Sensor:
     """Properties of a lidar."""
 
     kind: str  # name: number of beams, or `solid state`
-    elevations_deg: FloatArray  # (B,) of its beams, increasing; of a rosette its limits
+    elevations_deg: AnyFloats  # (B,) of its beams, increasing; of a rosette its limits
     num_columns: int  # azimuth steps of 360 degrees; of a rosette the points of a sweep
     rate_hz: float  # sweeps per second
     range_noise_m: float  # standard deviation
@@ -56,7 +56,7 @@ class Sensor:
 
     def sweep_times(
         self, number: int, rng: np.random.Generator
-    ) -> tuple[NDArray[np.intp], FloatArray]:
+    ) -> tuple[NDArray[np.intp], AnyFloats]:
         """Returns which of `number` turns give a sweep (T,), and their times in seconds."""
         is_missing, off = rng.uniform(size=(number, 2)).T
         times_s = (np.arange(number) + self.jitter * (2 * off - 1)) * (1.0 / self.rate_hz)
@@ -96,7 +96,7 @@ class Sensor:
         azimuth = start + (np.arange(num_columns) + phase) * step
         return Rays(azimuth, np.radians(self.elevations_deg)[None])
 
-    def _rosette(self, turns: NDArray[np.float64]) -> Rays:
+    def _rosette(self, turns: Floats) -> Rays:
         """The rays of a beam at some times (C,), counted in sweeps."""
         low, high = np.radians(self.elevations_deg[[0, -1]])
         radius = np.sin(2 * math.pi * _ROSETTE_PETALS * turns)
@@ -110,7 +110,7 @@ class Sensor:
         order = np.argsort(azimuth)
         return Rays(azimuth[order], elevation[order, None])
 
-    def add_rain(self, ranges: FloatArray, rng: np.random.Generator) -> NDArray[np.bool_]:
+    def add_rain(self, ranges: AnyFloats, rng: np.random.Generator) -> Bools:
         """Removes returns and adds drops near the lidar, in place; returns the mask of surfaces."""
         # There and back again.
         is_lost = rng.uniform(size=len(ranges)) < 1.0 - np.exp(-2.0 * self.rain_per_m * ranges)
@@ -135,7 +135,7 @@ def sensor_of(settings: SimulationSettings) -> Sensor:
     )
 
 
-def knee_elevations_deg(num_beams: int) -> FloatArray:
+def knee_elevations_deg(num_beams: int) -> AnyFloats:
     """Returns (B,) elevations; as in a common 64-beam sensor the upper half is packed densely."""
     half = num_beams // 2
     step = (_KNEE_DEG - _BOTTOM_DEG) / half
@@ -167,7 +167,7 @@ def drawn_sensor(rng: np.random.Generator) -> Sensor:
     return replace(sensor, degrees=degrees)
 
 
-def _elevations_deg(kind: str, rng: np.random.Generator) -> FloatArray:
+def _elevations_deg(kind: str, rng: np.random.Generator) -> AnyFloats:
     """Elevations from low to high, even or denser at the horizon, each a little off."""
     if kind in ("raster", "rosette"):
         low, high, number = -rng.uniform(10.0, 20.0), rng.uniform(8.0, 20.0), 110

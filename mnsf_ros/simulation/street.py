@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose
+from mnsf_ros.arrays import AnyFloats, Bools, Floats32
+from mnsf_ros.geometry.transforms import apply, invert, planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.routes import LEVEL, Route, Slope
 
@@ -40,27 +41,27 @@ class Centerline:
     def _wave_number(self) -> float:
         return 2 * math.pi / self.wavelength_m
 
-    def offset(self, x: FloatArray) -> FloatArray:
+    def offset(self, x: AnyFloats) -> AnyFloats:
         """Returns y of the center line at x (any shape, metres)."""
         return self.amplitude_m * np.sin(self._wave_number * x + self.phase)
 
-    def heading(self, x: FloatArray) -> FloatArray:
+    def heading(self, x: AnyFloats) -> AnyFloats:
         """Returns the direction of the center line at x (any shape, metres) in radians."""
         slope = self.amplitude_m * self._wave_number * np.cos(self._wave_number * x + self.phase)
         return np.arctan(slope)
 
-    def lateral(self, x: FloatArray, y: FloatArray) -> FloatArray:
+    def lateral(self, x: AnyFloats, y: AnyFloats) -> AnyFloats:
         """Returns how far (x, y) lies to the left of the center line, good to a few centimeters."""
         return (y - self.offset(x)) * np.cos(self.heading(x))
 
-    def place(self, x: FloatArray, lateral: FloatArray | float) -> FloatArray:
+    def place(self, x: AnyFloats, lateral: AnyFloats | float) -> AnyFloats:
         """Returns (T, 2) points `lateral` (one or (T,), metres) left of the center line at x."""
         heading = self.heading(x)
         left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-        sideways: FloatArray = np.reshape(lateral, (-1, 1)) * left
+        sideways: AnyFloats = np.reshape(lateral, (-1, 1)) * left
         return np.stack([x, self.offset(x)], axis=1) + sideways
 
-    def crossings(self, x: FloatArray) -> "tuple[Crossing, ...]":
+    def crossings(self, x: AnyFloats) -> "tuple[Crossing, ...]":
         """Returns side streets at (T,) x, metres."""
         places = np.stack([x, self.offset(x), self.heading(x)], axis=1)
         return tuple(Crossing(*place) for place in places.tolist())
@@ -74,7 +75,7 @@ class Crossing:
     y: float
     heading: float
 
-    def along(self, x: FloatArray, y: FloatArray) -> FloatArray:
+    def along(self, x: AnyFloats, y: AnyFloats) -> AnyFloats:
         """Returns how far (x, y) lies from the side street's axis, measured along the main one."""
         return (x - self.x) * math.cos(self.heading) + (y - self.y) * math.sin(self.heading)
 
@@ -96,18 +97,18 @@ class Street:
         points = self.centerline.place(x, lateral)
         return Route.through(points if forward else points[::-1], self.slope)
 
-    def route(self, x: FloatArray, lateral: FloatArray) -> Route:
+    def route(self, x: AnyFloats, lateral: AnyFloats) -> Route:
         """Returns the route through (T,) world x at (T,) laterals, both in metres."""
         return Route.through(self.centerline.place(x, lateral), self.slope)
 
-    def pose(self, x: float, lateral: float, turn: float = 0.0) -> FloatArray:
+    def pose(self, x: float, lateral: float, turn: float = 0.0) -> AnyFloats:
         """Returns the (4, 4) pose at x and lateral (metres), turned by `turn` from the street."""
         at = np.array([x])
         place = self.centerline.place(at, lateral)[0]
         heading = float(self.centerline.heading(at)[0])
         return self.slope.lifted(planar_pose(place[0], place[1], heading + turn))
 
-    def is_raised(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
+    def is_raised(self, x: AnyFloats, y: AnyFloats) -> Bools:
         """Mask of the (x, y) of any shape that are on the sidewalk, not on asphalt."""
         raised = np.abs(self.centerline.lateral(x, y)) > self.half_width_m
         for crossing in self.crossings:
@@ -120,8 +121,8 @@ class Street:
 
 
 def ground_hits(
-    street: Street, origin: FloatArray, directions: FloatArray, max_range_m: float
-) -> tuple[FloatArray, NDArray[np.uint8]]:
+    street: Street, origin: AnyFloats, directions: AnyFloats, max_range_m: float
+) -> tuple[AnyFloats, NDArray[np.uint8]]:
     """Returns (N,) ranges to the ground, `inf` for misses, and (N,) surface classes, 0 there.
 
     The rays start at (3,) world metres, above the sidewalks, in (N, 3) unit directions; those
@@ -138,13 +139,8 @@ def ground_hits(
 
 
 def _plane_hits(
-    street: Street,
-    origin: FloatArray,
-    directions: FloatArray,
-    max_range_m: float,
-    *,
-    is_climb: bool,
-) -> tuple[FloatArray, NDArray[np.uint8]]:
+    street: Street, origin: AnyFloats, directions: AnyFloats, max_range_m: float, *, is_climb: bool
+) -> tuple[AnyFloats, NDArray[np.uint8]]:
     """Returns the hits of one of the two planes of the ground, as `ground_hits`, in its frame."""
     ranges = np.full(len(directions), np.inf)
     classes = np.zeros(len(directions), dtype=np.uint8)
@@ -170,21 +166,15 @@ def _plane_hits(
     return ranges, classes
 
 
-def _raised(
-    street: Street, origin: FloatArray, directions: FloatArray, ranges: FloatArray
-) -> NDArray[np.bool_]:
+def _raised(street: Street, origin: AnyFloats, directions: AnyFloats, ranges: AnyFloats) -> Bools:
     x = origin[0] + ranges * directions[:, 0]
     y = origin[1] + ranges * directions[:, 1]
     return street.is_raised(x, y)
 
 
 def _curb_ranges(
-    street: Street,
-    origin: FloatArray,
-    directions: FloatArray,
-    before: FloatArray,
-    behind: FloatArray,
-) -> FloatArray:
+    street: Street, origin: AnyFloats, directions: AnyFloats, before: AnyFloats, behind: AnyFloats
+) -> AnyFloats:
     """Returns the ranges at which rays meet the curb, between asphalt and sidewalk."""
     for _ in range(_BISECTIONS):
         middle = (before + behind) / 2
@@ -193,7 +183,7 @@ def _curb_ranges(
     return behind
 
 
-def ground_cosines(street: Street, points: FloatArray, directions: FloatArray) -> FloatArray:
+def ground_cosines(street: Street, points: AnyFloats, directions: AnyFloats) -> AnyFloats:
     """Returns (N,) cosines of the incidence of unit directions at points on the ground, (N, 3)."""
     cosines = np.abs(directions[:, 2])
     is_curb = (points[:, 2] > _CURB_EDGE_M) & (points[:, 2] < CURB_HEIGHT_M - _CURB_EDGE_M)
@@ -207,7 +197,7 @@ def ground_cosines(street: Street, points: FloatArray, directions: FloatArray) -
     return cosines
 
 
-def brightness(class_id: NDArray[np.uint8], reflectivity: FloatArray) -> FloatArray:
+def brightness(class_id: NDArray[np.uint8], reflectivity: AnyFloats) -> AnyFloats:
     """Returns (N,) mean intensities of points of some classes (N,).
 
     The reflectivity (N,) is of the body of each point, ignored on the ground.
@@ -218,7 +208,7 @@ def brightness(class_id: NDArray[np.uint8], reflectivity: FloatArray) -> FloatAr
     return mean
 
 
-def intensities(mean: FloatArray, rng: np.random.Generator) -> NDArray[np.float32]:
+def intensities(mean: AnyFloats, rng: np.random.Generator) -> Floats32:
     """Returns (N,) intensities from 0 to 255 of mean intensities, with speckle."""
     speckled = mean + rng.normal(0.0, _SPECKLE, len(mean))
     return np.clip(speckled, 0.0, 255.0).astype(np.float32)

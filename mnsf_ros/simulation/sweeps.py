@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.transforms import FloatArray, apply, invert
+from mnsf_ros.arrays import AnyFloats, Bools, Floats, Floats32, Ints32
+from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass, TrueSweep
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
@@ -92,7 +93,7 @@ class SweepSimulator:
         truth = FlowTruth(FIRST_STAMP_NS + round(time_s * 1e9), **arrays)
         return TrueSweep(xyz, truth, columns, self.scene.ego.world_from_sensor(time_s))
 
-    def turn_rates(self, rate_hz: float) -> NDArray[np.float64]:
+    def turn_rates(self, rate_hz: float) -> Floats:
         """Returns the turn rates of an IMU on the lidar, from before the first sweep: (T, 4).
 
         Columns are seconds as in `times_s`, then rad/s about x, y and z of the lidar. At 0 Hz there
@@ -114,7 +115,7 @@ class SweepSimulator:
         body = self._body_of_shape[shape]
         if math.isfinite(sensor.reach_m):
             self._remove_lost(rays, world_from_sensor, ranges, shape, class_id, rng)
-        valid: NDArray[np.bool_] = np.ones(len(ranges), dtype=bool)
+        valid: Bools = np.ones(len(ranges), dtype=bool)
         if sensor.rain_per_m:
             valid = sensor.add_rain(ranges, rng)
             body[~valid], class_id[~valid] = -1, 0
@@ -139,8 +140,8 @@ class SweepSimulator:
         }
 
     def _first_hits(
-        self, rays: Rays, time_s: float, world_from_sensor: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+        self, rays: Rays, time_s: float, world_from_sensor: AnyFloats
+    ) -> tuple[AnyFloats, Ints32, NDArray[np.uint8]]:
         """Returns true range, shape number (-1: ground or nothing) and class of every ray, flat."""
         for number in self._movers:
             self._poses[number] = self.scene.bodies[number].world_from_body(time_s)
@@ -164,9 +165,9 @@ class SweepSimulator:
     def _remove_lost(
         self,
         rays: Rays,
-        world_from_sensor: FloatArray,
-        ranges: FloatArray,
-        shape: NDArray[np.int32],
+        world_from_sensor: AnyFloats,
+        ranges: AnyFloats,
+        shape: Ints32,
         class_id: NDArray[np.uint8],
         rng: np.random.Generator,
     ) -> None:
@@ -188,8 +189,8 @@ class SweepSimulator:
         ranges[met[~seen]] = np.inf
 
     def _truth(
-        self, points: FloatArray, body: NDArray[np.int32], now: float, then: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        self, points: AnyFloats, body: Ints32, now: float, then: float
+    ) -> tuple[Floats32, Bools]:
         """Returns (N, 3) flow, and (N,) dynamic, of points in the lidar frame between two times."""
         ego = self.scene.ego
         world = apply(ego.world_from_sensor(now), points)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.arrays import AnyFloats
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker
 from mnsf_ros.simulation.routes import Clearance, Route, SpeedProfile, Trip
@@ -118,7 +118,7 @@ def right_turn(
 def walk(route: Route, begin_s: float, speed_m_s: float) -> Trip:
     """Returns a walk along the whole route from rest to rest."""
     end = begin_s + route.length_m / speed_m_s
-    times: FloatArray = np.array([begin_s, begin_s + _STRIDE_S, end, end + _STRIDE_S])
+    times: AnyFloats = np.array([begin_s, begin_s + _STRIDE_S, end, end + _STRIDE_S])
     return Trip(route, SpeedProfile(times, speed_m_s * np.array([0.0, 1.0, 1.0, 0.0])), 0.0)
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.core.reason import Match, Reason
 from mnsf_ros.ego_motion.covariance import chained_covariance, six_axes
@@ -40,7 +40,7 @@ def in_sensor_frame(estimate: FlowEstimate, current: Sweep) -> FlowEstimate:
 def _over_ground(known: OverGround, mounting: Mounting) -> OverGround:
     back, level = mounting.sensor_from_level, mounting.level_from_sensor
 
-    def covariance(own: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def covariance(own: Floats, pose: Floats) -> Floats:
         """Of a levelled pose, for the origin of the sensor's frame."""
         return _turned_axes(chained_covariance(own, pose, level, _NO_STEP), back)
 
@@ -57,7 +57,7 @@ def _over_ground(known: OverGround, mounting: Mounting) -> OverGround:
     )
 
 
-def _object(item: TrackedObject, back: NDArray[np.float64]) -> TrackedObject:
+def _object(item: TrackedObject, back: Floats) -> TrackedObject:
     """The object in the frame of the sensor; its size stays that of the upright box."""
     turn = back[:3, :3]
     return replace(
@@ -70,7 +70,7 @@ def _object(item: TrackedObject, back: NDArray[np.float64]) -> TrackedObject:
     )
 
 
-def _reason(reason: Reason, back: NDArray[np.float64]) -> Reason:
+def _reason(reason: Reason, back: Floats) -> Reason:
     def matched(match: Match) -> Match:
         return replace(match, positions=transformed(match.positions, back))
 
@@ -90,7 +90,7 @@ def _reason(reason: Reason, back: NDArray[np.float64]) -> Reason:
     )
 
 
-def _turned_axes(covariance: NDArray[np.float64], back: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned_axes(covariance: Floats, back: Floats) -> Floats:
     """A covariance (6, 6) of two vectors, in the turned axes."""
     axes = six_axes(back[:3, :3])
     return np.asarray(axes @ covariance @ axes.T)

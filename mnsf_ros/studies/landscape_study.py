@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
 from mnsf_ros.drawing.charts import height_maps
@@ -118,7 +118,7 @@ def losses_along(
     loss_of: Loss,
     directions: Sequence[Direction],
     places: Sequence[Sequence[float]],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Returns the loss (S,) at S places, each one step along each of the directions.
 
     The network is at its optimum, and is left there.

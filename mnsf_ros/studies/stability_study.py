@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import linregress
 
+from mnsf_ros.arrays import Ints
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.methods import make_method
@@ -124,9 +124,7 @@ def _full_sweeps(triplet: SweepTriplet, size: int) -> dict[str, Sweep]:
     return sweeps
 
 
-def _part(
-    triplet: SweepTriplet, sweeps: dict[str, Sweep], rows: dict[str, NDArray[np.int64]]
-) -> SweepTriplet:
+def _part(triplet: SweepTriplet, sweeps: dict[str, Sweep], rows: dict[str, Ints]) -> SweepTriplet:
     current, following, previous = (sweeps[name].part(rows[name]) for name in SWEEPS)
     return replace(triplet, current=current, next=following, previous=previous, earlier=())
 

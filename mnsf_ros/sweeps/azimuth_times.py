@@ -7,6 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
+
 # Of a turn: sweeps have gaps, and some rows begin a little before others.
 _MIN_TURN: Final = 0.8
 _MAX_TURN: Final = 1.5
@@ -35,7 +37,7 @@ class AzimuthTimes:
     is_clockwise: bool
     start_deg: float
 
-    def of(self, xyz: NDArray[np.float32], interval_s: float) -> NDArray[np.float32]:
+    def of(self, xyz: Floats32, interval_s: float) -> Floats32:
         """Returns (N,) seconds from the middle of a sweep to the measurement of points (N, 3)."""
         turns = (np.arctan2(xyz[:, 1], xyz[:, 0]) - np.radians(self.start_deg)) / (2 * np.pi)
         shares = (-turns if self.is_clockwise else turns) % 1.0
@@ -92,9 +94,7 @@ class Turn(NamedTuple):
         return AzimuthTimes(self.sense < 0, round(360 * first) % 360)
 
 
-def contradicted(
-    xyz: NDArray[np.float32], times_s: NDArray[np.float32], *, is_likely: bool
-) -> NDArray[np.bool_]:
+def contradicted(xyz: Floats32, times_s: Floats32, *, is_likely: bool) -> Bools:
     """Returns (N,) the points (N, 3) at whose times (N,) a turning lidar looked elsewhere.
 
     Times that are NaN are contradicted as well, and no others if the lidar does not turn. A sample
@@ -112,12 +112,12 @@ def contradicted(
     return np.isnan(times_s)
 
 
-def _turns_of(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+def _turns_of(xyz: Floats32) -> Floats32:
     """Returns (N,) azimuths of points (N, 3), in turns."""
     return np.asarray(np.arctan2(xyz[:, 1], xyz[:, 0]) / np.float32(2 * np.pi), np.float32)
 
 
-def times_in_order(xyz: NDArray[np.float32], interval_s: float) -> NDArray[np.float32] | None:
+def times_in_order(xyz: Floats32, interval_s: float) -> Floats32 | None:
     """Returns (N,) seconds from the middle of a sweep whose points (N, 3) are in order of azimuth.
 
     The points go around once, or once for each beam; otherwise the result is None.

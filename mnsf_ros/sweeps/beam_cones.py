@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32, Ints
 from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
 
 _NUM_POINTS: Final = 4096
@@ -36,10 +37,10 @@ class BeamCones(NamedTuple):
 
     num_beams: int
     blur_deg: float
-    lens_m: NDArray[np.float64] | None
+    lens_m: Floats | None
 
     @classmethod
-    def of(cls, xyz: NDArray[np.float32], rings: NDArray[np.integer[Any]]) -> "BeamCones | None":
+    def of(cls, xyz: Floats32, rings: NDArray[np.integer[Any]]) -> "BeamCones | None":
         """Returns the cones of points (N, 3), metres, with the numbers of their beams (N,).
 
         None for few points, and for a lidar that does not turn.
@@ -63,7 +64,7 @@ class _Deviations:
     The common axis of the cones is the direction in which the beams vary least.
     """
 
-    def __init__(self, points: NDArray[np.float64], beams: NDArray[np.int64]) -> None:
+    def __init__(self, points: Floats, beams: Ints) -> None:
         self._beams = beams
         self._ranges_m = np.maximum(np.linalg.norm(points, axis=1), 1e-6)
         self._rays = points / self._ranges_m[:, None]
@@ -80,7 +81,7 @@ class _Deviations:
     def mean_m(self) -> float:
         return float(np.mean(self._off_m))
 
-    def step(self, *, is_coarse: bool) -> NDArray[np.float64]:
+    def step(self, *, is_coarse: bool) -> Floats:
         """(3,) metres to where they are less.
 
         Near points, as of the roof, are far off until the place is right: a coarse step weighs
@@ -95,7 +96,7 @@ class _Deviations:
         return np.asarray(found / max(1.0, float(np.linalg.norm(found))))
 
 
-def _lens(points: NDArray[np.float64], beams: NDArray[np.int64]) -> NDArray[np.float64]:
+def _lens(points: Floats, beams: Ints) -> Floats:
     """(3,) metres, the place from which points (K, 3) deviate least."""
     few, own = points[:_NUM_FEW], _from_zero(beams[:_NUM_FEW])
     starts = sorted(_PLACES_M, key=lambda place: _Deviations(few - place, own).mean_m)
@@ -109,11 +110,11 @@ def _lens(points: NDArray[np.float64], beams: NDArray[np.int64]) -> NDArray[np.f
     return min(found, key=lambda place: _Deviations(points - place, beams).mean_m)
 
 
-def _from_zero(rings: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+def _from_zero(rings: NDArray[np.integer[Any]]) -> Ints:
     return np.unique(rings, return_inverse=True)[1].reshape(-1)
 
 
-def _from_mean(values: NDArray[np.float64], beams: NDArray[np.int64]) -> NDArray[np.float64]:
+def _from_mean(values: Floats, beams: Ints) -> Floats:
     """Values (K, 3) less the mean of their beam."""
     counts = np.bincount(beams)
     means = np.stack([np.bincount(beams, values[:, axis]) / counts for axis in range(3)], axis=1)

@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.point_sets import MAX_CELLS_PER_AXIS, bounds
 from mnsf_ros.settings import GroundSettings
@@ -26,7 +26,7 @@ class GroundSurface:
     point of many.
     """
 
-    def __init__(self, xyz: NDArray[np.float32], settings: GroundSettings) -> None:
+    def __init__(self, xyz: Floats32, settings: GroundSettings) -> None:
         """Fits the ground to a sweep.
 
         Args:
@@ -34,7 +34,7 @@ class GroundSurface:
             settings: Cells, window and margin.
         """
         self._low, self._cell_size_m = (0.0, 0.0), settings.cell_size_m
-        self._planes: NDArray[np.float64] = np.zeros((1, 1, 3))
+        self._planes: Floats = np.zeros((1, 1, 3))
         if len(xyz) == 0:
             return
         points = np.require(xyz, requirements=("C", "W"))
@@ -50,12 +50,12 @@ class GroundSurface:
             reach = max(1, round(settings.window_m * 2**level / 2 / (_BLOCK * cell_size_m)))
             self._planes = _fitted(lowest, self._planes, reach, settings.margin_m * 2**level)
 
-    def heights(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+    def heights(self, xyz: Floats32) -> Floats32:
         """(N,) metres, how far points (N, 3) are above the ground, or below it if negative."""
         points = np.require(xyz, requirements=("C", "W"))
         return _heights(points, *self._low, self._cell_size_m, self._planes)
 
-    def slopes(self, xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+    def slopes(self, xyz: Floats32) -> Floats32:
         """(N, 2) rise over run of the ground along x and y, at points (N, 3)."""
         blocks = (xyz[:, :2] - np.asarray(self._low)) / (_BLOCK * self._cell_size_m)
         most = np.array(self._planes.shape[:2]) - 1
@@ -63,20 +63,15 @@ class GroundSurface:
         return np.asarray(self._planes[rows, columns, 1:] / self._cell_size_m, np.float32)
 
 
-def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.bool_]:
+def ground_mask(xyz: Floats32, settings: GroundSettings) -> Bools:
     """Mask (N,) of the points (N, 3), metres, z up, that are ground: below the margin."""
     return np.asarray(GroundSurface(xyz, settings).heights(xyz) <= settings.margin_m)
 
 
 @compiled("float32[:, ::1](float32[:, ::1], float64, float64, float64, float64, float64)")
 def _lowest(
-    xyz: NDArray[np.float32],
-    low_x: float,
-    low_y: float,
-    high_x: float,
-    high_y: float,
-    cell_size_m: float,
-) -> NDArray[np.float32]:
+    xyz: Floats32, low_x: float, low_y: float, high_x: float, high_y: float, cell_size_m: float
+) -> Floats32:
     """The height of the lowest point of each cell (rows, columns); infinity without one."""
     num_rows = int((high_x - low_x) / cell_size_m) + 1
     num_columns = int((high_y - low_y) / cell_size_m) + 1
@@ -94,9 +89,7 @@ def _lowest(
 
 
 @compiled("float64[:, :, ::1](float32[:, ::1], float64[:, :, ::1], float64)")
-def _summed(
-    lowest: NDArray[np.float32], planes: NDArray[np.float64], tolerance_m: float
-) -> NDArray[np.float64]:
+def _summed(lowest: Floats32, planes: Floats, tolerance_m: float) -> Floats:
     """Sums over all cells before each block (rows + 1, columns + 1, 9).
 
     They are those of the weight of a cell, and of its products with x, y, xx, xy, yy, z, zx and zy.
@@ -137,9 +130,7 @@ def _summed(
 
 
 @compiled("float64[:, :, ::1](float32[:, ::1], float64[:, :, ::1], int64, float64)")
-def _fitted(
-    lowest: NDArray[np.float32], planes: NDArray[np.float64], reach: int, tolerance_m: float
-) -> NDArray[np.float64]:
+def _fitted(lowest: Floats32, planes: Floats, reach: int, tolerance_m: float) -> Floats:
     """Planes of blocks (rows, columns, 3): height in the middle, rise per cell along x and y.
 
     A plane is fitted to the cells within reach, in blocks, that are close to the planes before. The
@@ -184,12 +175,8 @@ def _fitted(
 
 @compiled("float32[::1](float32[:, ::1], float64, float64, float64, float64[:, :, ::1])")
 def _heights(
-    xyz: NDArray[np.float32],
-    low_x: float,
-    low_y: float,
-    cell_size_m: float,
-    planes: NDArray[np.float64],
-) -> NDArray[np.float32]:
+    xyz: Floats32, low_x: float, low_y: float, cell_size_m: float, planes: Floats
+) -> Floats32:
     """(N,) metres, how far points (N, 3) are above the planes of their blocks."""
     heights = np.empty(len(xyz), np.float32)
     last_row, last_column = planes.shape[0] - 1, planes.shape[1] - 1

@@ -4,8 +4,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.point_sets import chosen_points
@@ -20,7 +20,7 @@ _APART_M = 0.25
 _STEP_M = 0.1
 
 
-def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
+def fit_mask(sweep: Sweep, settings: Settings) -> Bools:
     """Mask (N,) of the points that fields are fitted to: the kept ones, or those of the caller.
 
     Raises:
@@ -40,16 +40,14 @@ def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
     return mask
 
 
-def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:
+def kept_mask(xyz: Floats32, settings: Settings) -> Bools:
     """Mask (N,) of the points (N, 3), sensor frame, inside the crop and above ground."""
     if not settings.ground.remove:
         return crop_mask(xyz, settings.crop)
     return np.asarray(ground_under(xyz, settings)[1] > settings.ground.margin_m)
 
 
-def ground_under(
-    xyz: NDArray[np.float32], settings: Settings
-) -> tuple[GroundSurface, NDArray[np.float32]]:
+def ground_under(xyz: Floats32, settings: Settings) -> tuple[GroundSurface, Floats32]:
     """The ground under points (N, 3), and (N,) metres, how far they are above; NaN if cropped."""
     inside = crop_mask(xyz, settings.crop)
     cropped = chosen_points(xyz, inside)
@@ -59,7 +57,7 @@ def ground_under(
     return ground, heights
 
 
-def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bool_]:
+def crop_mask(xyz: Floats32, settings: CropSettings) -> Bools:
     """Mask (N,) of the points (N, 3), sensor frame, within the ranges and heights."""
     return _inside(
         np.require(xyz, requirements=("C", "W")),
@@ -70,7 +68,7 @@ def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bo
     )
 
 
-def in_boxes(xyz: NDArray[np.float32], boxes: Sequence[Sequence[float]]) -> NDArray[np.bool_]:
+def in_boxes(xyz: Floats32, boxes: Sequence[Sequence[float]]) -> Bools:
     """Mask (N,) of the points (N, 3) in any of the boxes, each a lower and an upper corner."""
     inside = np.zeros(len(xyz), np.bool_)
     for box in boxes:
@@ -79,7 +77,7 @@ def in_boxes(xyz: NDArray[np.float32], boxes: Sequence[Sequence[float]]) -> NDAr
     return inside
 
 
-def boxes_around(xyz: NDArray[np.float32]) -> str:
+def boxes_around(xyz: Floats32) -> str:
     """Returns boxes around groups of points (N, 3), as `crop.own_body` has them; empty if none."""
     if len(xyz) == 0:
         return ""
@@ -94,12 +92,12 @@ def boxes_around(xyz: NDArray[np.float32]) -> str:
 
 @compiled("boolean[::1](float32[:, ::1], float64, float64, float32, float32)")
 def _inside(
-    xyz: NDArray[np.float32],
+    xyz: Floats32,
     least_squared: float,
     most_squared: float,
     min_height_m: np.float32,
     max_height_m: np.float32,
-) -> NDArray[np.bool_]:
+) -> Bools:
     inside = np.empty(len(xyz), np.bool_)
     # Of a flat array the compiler knows the steps: it looks at several points at once.
     values = xyz.reshape(-1)

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.geometry.transforms import invert
 
 # Finer than any mount; so a level frame stays exactly as it is.
@@ -25,11 +25,11 @@ class Mounting:
         source: Where it is known from, in words.
     """
 
-    level_from_sensor: NDArray[np.float64]
+    level_from_sensor: Floats
     source: str
 
     @classmethod
-    def of(cls, up: NDArray[np.float64], lens_m: NDArray[np.float64], source: str) -> "Mounting":
+    def of(cls, up: Floats, lens_m: Floats, source: str) -> "Mounting":
         """Returns the mounting by the axis that points up and the place of the lens.
 
         Both are (3,), in the frame of the cloud. Forward stays forward: the x axis, or y where x
@@ -52,7 +52,7 @@ class Mounting:
         return bool(np.array_equal(self.level_from_sensor, np.eye(4)))
 
     @property
-    def sensor_from_level(self) -> NDArray[np.float64]:
+    def sensor_from_level(self) -> Floats:
         """(4, 4), the other way round."""
         return np.asarray(invert(self.level_from_sensor), np.float64)
 
@@ -62,7 +62,7 @@ class Mounting:
         return float(np.degrees(np.arccos(np.clip(self.level_from_sensor[2, 2], -1.0, 1.0))))
 
     @property
-    def lens_m(self) -> NDArray[np.float64]:
+    def lens_m(self) -> Floats:
         """(3,) place of the lens in the frame of the sensor."""
         return self.sensor_from_level[:3, 3]
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.geometry.transforms import mounted_at, sensor_mount
 from mnsf_ros.settings import Settings
@@ -59,7 +59,7 @@ class MountingEstimate:
         """Starts anew."""
         self._key: tuple[object, ...] = ()
         self.found: Mounting | None = None
-        self.ground: NDArray[np.float64] | None = None
+        self.ground: Floats | None = None
         self.cones: BeamCones | None = None
         self._is_given = False
         self._num_sweeps = 0
@@ -132,7 +132,7 @@ def _by_parameters(settings: Settings, frame_id: str) -> Mounting | None:
     return mounting if is_given or not mounting.is_level else None
 
 
-def ground_of(xyz: NDArray[np.float32]) -> NDArray[np.float64] | None:
+def ground_of(xyz: Floats32) -> Floats | None:
     """Returns (4,) n, h of the ground under points (N, 3), so that n x + h is a height above it.
 
     The ground is the plane with most points that has nearly none beyond it, if possible one that is
@@ -157,19 +157,17 @@ def ground_of(xyz: NDArray[np.float32]) -> NDArray[np.float64] | None:
     return np.append(normal, -normal @ middle)
 
 
-def _nearly_axis(up: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearly_axis(up: Floats) -> Floats:
     """The axis that is nearest to a normal (3,), if it is near; else the normal."""
     axis = np.round(up)
     return axis if np.linalg.norm(axis) == 1 and axis @ up > _NEARLY else up
 
 
-def _tilt_deg(ground: NDArray[np.float64]) -> float:
+def _tilt_deg(ground: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(ground[2], -1.0, 1.0))))
 
 
-def _planes_of(
-    points: NDArray[np.float64], random: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _planes_of(points: Floats, random: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """Random planes through points (N, 3), metres.
 
     Returns:

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.sweeps.sweep import NOT_TILTED
@@ -35,9 +35,7 @@ class RangeView:
     even.
     """
 
-    def __init__(
-        self, xyz: NDArray[np.float32], beams_from_sensor: NDArray[np.float64] = NOT_TILTED
-    ) -> None:
+    def __init__(self, xyz: Floats32, beams_from_sensor: Floats = NOT_TILTED) -> None:
         """Makes the range image of points (N, 3), metres, sensor frame, of beams at (3, 3)."""
         self._beams_from_sensor = beams_from_sensor
         self._nearest = _nearest(*self._directions(xyz))
@@ -45,13 +43,11 @@ class RangeView:
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
         self._above_or_below, self._beside = _above_or_below(is_seen), _beside(is_seen)
 
-    def _directions(
-        self, places: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    def _directions(self, places: Floats32) -> tuple[Ints32, Floats32]:
         """Returns (P,) cell and range of places (P, 3), metres, sensor frame."""
         return _directions(in_axes_of_beams(places, self._beams_from_sensor))
 
-    def are_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def are_free(self, positions: Floats32) -> Bools:
         """Returns (P,) which places (P, 3), metres, sensor frame, are known to be free.
 
         Directions without a return around say nothing.
@@ -60,12 +56,12 @@ class RangeView:
         around = self._nearest_around[cells]
         return np.isfinite(around) & (around > ranges + _margins(ranges))
 
-    def are_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def are_hidden(self, positions: Floats32) -> Bools:
         """Returns (P,) which places (P, 3), metres, sensor frame, are behind a surface."""
         cells, ranges = self._directions(positions)
         return self._nearest[cells] + _margins(ranges) < ranges
 
-    def are_out(self, positions: NDArray[np.float32], other: "RangeView") -> NDArray[np.bool_]:
+    def are_out(self, positions: Floats32, other: "RangeView") -> Bools:
         """Returns (P,) which places (P, 3) are out of view.
 
         They are above or below all beams, or at an azimuth from which nothing returns in both
@@ -76,8 +72,8 @@ class RangeView:
         return self._above_or_below[cells // NUM_AZIMUTHS] | beside[cells % NUM_AZIMUTHS]
 
     def limits_m(
-        self, positions: NDArray[np.float32], other: "RangeView", reach_m: float, hidden_m: float
-    ) -> NDArray[np.float32]:
+        self, positions: Floats32, other: "RangeView", reach_m: float, hidden_m: float
+    ) -> Floats32:
         """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
         Nobody can have seen places that are hidden or out of view.
@@ -93,13 +89,13 @@ class RangeView:
         return _limits(*self._directions(positions), self._nearest, *out, *limits)
 
 
-def _beside(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _beside(is_seen: Bools) -> Bools:
     """Returns (A,) from which azimuths, and those around, no cell (E, A) has a return."""
     azimuths = np.pad(is_seen.any(axis=0), _NUM_REACHED, mode="wrap")
     return np.asarray(~sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1))
 
 
-def _above_or_below(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _above_or_below(is_seen: Bools) -> Bools:
     """Returns (E,) which elevations are above or below all cells (E, A) with a return."""
     seen = np.flatnonzero(is_seen.any(axis=1))
     out = np.ones(len(is_seen), np.bool_)
@@ -108,14 +104,12 @@ def _above_or_below(is_seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return out
 
 
-def azimuths_of(xyz: NDArray[np.float32]) -> NDArray[np.int32]:
+def azimuths_of(xyz: Floats32) -> Ints32:
     """Returns (N,) the azimuth of points (N, 3), sensor frame, as a cell from 0 to 719."""
     return _directions(np.ascontiguousarray(xyz))[0] % NUM_AZIMUTHS
 
 
-def in_axes_of_beams(
-    xyz: NDArray[np.float32], beams_from_sensor: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def in_axes_of_beams(xyz: Floats32, beams_from_sensor: Floats) -> Floats32:
     """Returns points (N, 3), sensor frame, in the axes of its beams, see `Sweep`."""
     if np.array_equal(beams_from_sensor, NOT_TILTED):
         return np.ascontiguousarray(xyz)
@@ -123,7 +117,7 @@ def in_axes_of_beams(
 
 
 @compiled("float32[::1](float32[::1])")
-def _margins(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+def _margins(ranges: Floats32) -> Floats32:
     """Returns (P,) metres, by how much places at ranges (P,) must be nearer than a return."""
     return np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
 
@@ -145,7 +139,7 @@ def _angle(rise: np.float32, run: np.float32) -> np.float32:
 
 
 @compiled("Tuple((int32[::1], float32[::1]))(float32[:, ::1])")
-def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def _directions(xyz: Floats32) -> tuple[Ints32, Floats32]:
     """Returns (N,) cell and range of points (N, 3)."""
     cells = np.empty(len(xyz), np.int32)
     ranges = np.empty(len(xyz), np.float32)
@@ -171,14 +165,14 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
     "float32)"
 )
 def _limits(
-    cells: NDArray[np.int32],
-    ranges: NDArray[np.float32],
-    nearest: NDArray[np.float32],
-    above_or_below: NDArray[np.bool_],
-    beside: NDArray[np.bool_],
+    cells: Ints32,
+    ranges: Floats32,
+    nearest: Floats32,
+    above_or_below: Bools,
+    beside: Bools,
     reach_m: np.float32,
     hidden_m: np.float32,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Loop of `RangeView.limits_m`."""
     margins = _margins(ranges)
     limits = np.empty(len(cells), np.float32)
@@ -192,7 +186,7 @@ def _limits(
 
 
 @compiled("float32[::1](int32[::1], float32[::1])")
-def _nearest(cells: NDArray[np.int32], ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+def _nearest(cells: Ints32, ranges: Floats32) -> Floats32:
     """Returns (all cells,) the shortest of the ranges (N,) in each cell; infinity without one."""
     nearest = np.full(NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
     for row in range(len(cells)):
@@ -201,7 +195,7 @@ def _nearest(cells: NDArray[np.int32], ranges: NDArray[np.float32]) -> NDArray[n
 
 
 @compiled("float32[::1](float32[::1])")
-def _nearest_around(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+def _nearest_around(nearest: Floats32) -> Floats32:
     """Returns (all cells,) the shortest range in each cell and in those beside, above and below.
 
     It is infinite where nothing returned from above or below: at the edge of what the sensor sees

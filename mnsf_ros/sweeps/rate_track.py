@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats
 from mnsf_ros.geometry.stamped_rate import StampedRate
 from mnsf_ros.geometry.stamped_track import StampedTrack
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
@@ -45,7 +45,7 @@ class RateTrack(StampedTrack[StampedRate]):
             self._items.clear()
         return super().add(item)
 
-    def around(self, sweep: Sweep) -> NDArray[np.float64]:
+    def around(self, sweep: Sweep) -> Floats:
         """Returns the rates from a second before the stamp of a sweep to its last point.
 
         They are (K, 4), K may be 0: seconds from the stamp, and rad/s about the axes of the IMU.
@@ -63,7 +63,7 @@ class RateTrack(StampedTrack[StampedRate]):
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-def are_covered(rates: NDArray[np.float64], first_s: float, last_s: float) -> bool:
+def are_covered(rates: Floats, first_s: float, last_s: float) -> bool:
     """Returns whether rates (K, 4), as of `RateTrack.around`, tell the rotation between times."""
     times_s = rates[:, 0]
     begin, end = np.searchsorted(times_s, first_s, "right") - 1, np.searchsorted(times_s, last_s)

@@ -4,8 +4,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
 from mnsf_ros.settings import BufferSettings
 from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
@@ -30,8 +30,8 @@ class Revolutions:
 
     def __init__(self) -> None:
         self._parts: list[Sweep] = []
-        self._seen: NDArray[np.bool_] = np.zeros(NUM_AZIMUTHS, np.bool_)
-        self._last: NDArray[np.bool_] = self._seen
+        self._seen: Bools = np.zeros(NUM_AZIMUTHS, np.bool_)
+        self._last: Bools = self._seen
         self._frame_id: str | None = None
         self._are_whole = True
         # Clouds in a row of other directions than the one before; more to come are parts.
@@ -80,13 +80,13 @@ class Revolutions:
         return is_same and is_later and passed_s < settings.max_interval_s
 
 
-def _are_common(own: NDArray[np.bool_], seen: NDArray[np.bool_]) -> bool:
+def _are_common(own: Bools, seen: Bools) -> bool:
     """Whether directions were seen before; so if hardly any are known."""
     least = min(np.count_nonzero(own), np.count_nonzero(seen))
     return bool(np.count_nonzero(own & seen) >= _MIN_COMMON * least)
 
 
-def _directions(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _directions(xyz: Floats32) -> Bools:
     """(720,) from which azimuths points (N, 3) return; all for very few points."""
     if len(xyz) < _MIN_POINTS:
         return np.ones(NUM_AZIMUTHS, np.bool_)
@@ -96,7 +96,7 @@ def _directions(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     cells = np.unique(azimuths_of(some[ranges >= np.median(ranges)]))
     gaps = np.diff(cells, append=cells[0] + NUM_AZIMUTHS)
     reach = int(np.quantile(gaps, _MOST, method="lower"))
-    seen: NDArray[np.bool_] = np.zeros(NUM_AZIMUTHS, np.bool_)
+    seen: Bools = np.zeros(NUM_AZIMUTHS, np.bool_)
     for shift in range(1 - reach, reach):
         seen[(cells + shift) % NUM_AZIMUTHS] = True
     return seen

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.sweeps.mounting import Mounting
@@ -42,16 +43,16 @@ class Sweep:
         beams_from_sensor: (3, 3) rotation to axes of which z is what the beams turn about.
     """
 
-    xyz: NDArray[np.float32]
+    xyz: Floats32
     stamp_ns: int = 0
     frame_id: str = ""
     source: Any = None
-    odometry: NDArray[np.float64] | None = None
-    kept: NDArray[np.bool_] | None = None
-    times_s: NDArray[np.float32] | None = None
+    odometry: Floats | None = None
+    kept: Bools | None = None
+    times_s: Floats32 | None = None
     mounting: Mounting | None = None
-    turn_rates: NDArray[np.float64] | None = None
-    beams_from_sensor: NDArray[np.float64] = field(default_factory=lambda: NOT_TILTED)
+    turn_rates: Floats | None = None
+    beams_from_sensor: Floats = field(default_factory=lambda: NOT_TILTED)
 
     def __post_init__(self) -> None:
         """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
@@ -110,9 +111,7 @@ class Sweep:
         )
         return levelled.turning(self.turn_rates, mounting.level_from_sensor)
 
-    def turning(
-        self, turn_rates: NDArray[np.float64] | None, sensor_from_imu: NDArray[np.float64]
-    ) -> "Sweep":
+    def turning(self, turn_rates: Floats | None, sensor_from_imu: Floats) -> "Sweep":
         """Returns the sweep with turn rates (K, 4) about the axes of an IMU, which is at (4, 4)."""
         if turn_rates is None:
             return self
@@ -120,11 +119,11 @@ class Sweep:
         return replace(self, turn_rates=np.column_stack([turn_rates[:, :1], about_own]))
 
     @property
-    def kept_xyz(self) -> NDArray[np.float32]:
+    def kept_xyz(self) -> Floats32:
         """The kept points, (M, 3) metres; all points without a choice."""
         return self.xyz if self.kept is None else self.xyz[self.kept]
 
-    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "Sweep":
+    def part(self, rows: Bools | Ints) -> "Sweep":
         """Returns some points, by a mask (N,) or their numbers, with their columns.
 
         The `source` stays that of all points.
@@ -204,7 +203,7 @@ class SweepTriplet:
     current: Sweep
     next: Sweep
     earlier: tuple[Sweep, ...] = ()
-    next_from_current: NDArray[np.float64] | None = None
+    next_from_current: Floats | None = None
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:

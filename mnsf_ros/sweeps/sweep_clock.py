@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
+from mnsf_ros.arrays import Bools, Floats, Floats32, Ints, Ints32
 from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.sweeps.range_view import NUM_AZIMUTHS, azimuths_of, in_axes_of_beams
 from mnsf_ros.sweeps.sweep import NOT_TILTED
@@ -33,17 +33,14 @@ class SweepClock:
         beams_from_sensor: (3, 3) rotation to the axes in which azimuths are.
     """
 
-    times_s: NDArray[np.float64]
-    is_again: NDArray[np.bool_]
+    times_s: Floats
+    is_again: Bools
     revolution_s: float
-    beams_from_sensor: NDArray[np.float64]
+    beams_from_sensor: Floats
 
     @classmethod
     def of(
-        cls,
-        xyz: NDArray[np.float32],
-        times_s: NDArray[np.float32],
-        beams_from_sensor: NDArray[np.float64] = NOT_TILTED,
+        cls, xyz: Floats32, times_s: Floats32, beams_from_sensor: Floats = NOT_TILTED
     ) -> "SweepClock | None":
         """Returns the clock of points (N, 3), metres, with times (N,), of beams at (3, 3).
 
@@ -54,7 +51,7 @@ class SweepClock:
             return None
         cells = azimuths_of(in_axes_of_beams(xyz, beams_from_sensor))
         span_s = float(times_s.max()) - float(times_s.min())
-        first: NDArray[np.float32] = np.full(NUM_AZIMUTHS, np.inf, np.float32)
+        first: Floats32 = np.full(NUM_AZIMUTHS, np.inf, np.float32)
         np.minimum.at(first, cells, times_s)
         first = np.maximum(first, _usual_first(cells, times_s))
         # What was measured later by half of the sweep is a second view.
@@ -75,17 +72,13 @@ class SweepClock:
         times_by_azimuth_s = means[_nearest_filled(counts > 0)]
         return cls(times_by_azimuth_s, is_again, revolution_s, beams_from_sensor)
 
-    def times_of(self, positions: NDArray[np.float32]) -> NDArray[np.float64]:
+    def times_of(self, positions: Floats32) -> Floats:
         """Returns (P,) seconds from the stamp to when places (P, 3) were measured first."""
         return self.times_s[azimuths_of(in_axes_of_beams(positions, self.beams_from_sensor))]
 
     def owners_again(
-        self,
-        xyz: NDArray[np.float32],
-        points: NDArray[np.float32],
-        velocities: NDArray[np.float32],
-        rows: NDArray[np.int64],
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        self, xyz: Floats32, points: Floats32, velocities: Floats32, rows: Ints
+    ) -> tuple[Ints, Ints]:
         """Returns (M,) the points that were seen again of movers, and (M,) which mover each is of.
 
         Args:
@@ -103,7 +96,7 @@ class SweepClock:
         return again[is_near], rows[nearest[is_near]]
 
 
-def _usual_first(cells: NDArray[np.int32], times_s: NDArray[np.float32]) -> NDArray[np.float32]:
+def _usual_first(cells: Ints32, times_s: Floats32) -> Floats32:
     """Returns (720,) when the first points were measured around each azimuth, but for a few."""
     start_s, span_s = float(times_s.min()), float(np.ptp(times_s))
     parts = (times_s - start_s) * np.float32(_NUM_PARTS / (span_s or 1.0))
@@ -115,7 +108,7 @@ def _usual_first(cells: NDArray[np.int32], times_s: NDArray[np.float32]) -> NDAr
     return (start_s + earliest * (span_s / _NUM_PARTS)).astype(np.float32)
 
 
-def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _nearest_filled(is_filled: Bools) -> Ints:
     """Returns (720,) the nearest azimuth that has points."""
     filled, azimuths = np.flatnonzero(is_filled), np.arange(NUM_AZIMUTHS)
     around = np.concatenate([filled + turn * NUM_AZIMUTHS for turn in (-1, 0, 1)])

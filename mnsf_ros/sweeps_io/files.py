@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.errors import UNREADABLE, DatasetError, reason
 
 
@@ -115,7 +116,7 @@ def read_json(path: Path, kind: type) -> Any:  # noqa: ANN401
         return content
 
 
-def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
+def read_float_rows(path: Path, num_columns: int) -> Floats32:
     """Returns a file of little-endian float32 as (N, `num_columns`)."""
     with reading(path):
         raw = path.read_bytes()
@@ -175,7 +176,7 @@ def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
         return found.astype(dtype)
 
 
-def stacked(columns: Mapping[str, NDArray[Any]], names: Iterable[str]) -> NDArray[np.float32]:
+def stacked(columns: Mapping[str, NDArray[Any]], names: Iterable[str]) -> Floats32:
     """Returns columns (N,) side by side as float32."""
     return as_type(np.stack([columns[name] for name in names], axis=1), np.float32)
 

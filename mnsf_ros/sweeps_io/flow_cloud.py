@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats32, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
 from mnsf_ros.sweeps.azimuth_times import AzimuthTimes, contradicted
@@ -31,7 +32,7 @@ class CloudSource:
     """The cloud of a sweep, or the clouds of the parts of its revolution, one after the other."""
 
     message: Any  # a sensor_msgs/PointCloud2, or an object with its attributes; None if not kept
-    measured: NDArray[np.bool_]  # (height * width,) points of the cloud that are in the sweep
+    measured: Bools  # (height * width,) points of the cloud that are in the sweep
     times: PointTimes  # of these points
     is_stamped: bool = True  # whether the message has a stamp
     num_untimed: int = 0  # points that were left out because their time cannot be right
@@ -44,7 +45,7 @@ class CloudSource:
         return len(self.measured)
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """(N,) row in the cloud of each point of the sweep."""
         return np.flatnonzero(self.measured)
 
@@ -118,8 +119,8 @@ def flow_cloud(
     estimate: FlowEstimate,
     interval_s: float,
     output: OutputSettings,
-    part: NDArray[np.bool_] | None = None,
-    moved: NDArray[np.float32] | None = None,
+    part: Bools | None = None,
+    moved: Floats32 | None = None,
 ) -> bytes:
     """Returns the cloud of a sweep with the columns of its flow, serialized.
 

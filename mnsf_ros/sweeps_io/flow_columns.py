@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from mnsf_ros.arrays import Bools, Floats32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S, packed_colors
@@ -48,7 +49,7 @@ def _speed(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
 
 
 @compiled("float32[::1](float32[:, ::1], float32)")
-def _lengths(motion: NDArray[np.float32], factor: np.float32) -> NDArray[np.float32]:
+def _lengths(motion: Floats32, factor: np.float32) -> Floats32:
     """The lengths (N,) of vectors (N, 3), times a factor."""
     result = np.empty(len(motion), np.float32)
     for row in range(len(motion)):
@@ -95,7 +96,7 @@ def chosen_columns(output: OutputSettings) -> tuple[FlowColumn, ...]:
 def flow_columns(
     estimate: FlowEstimate,
     interval_s: float,
-    measured: NDArray[np.bool_],
+    measured: Bools,
     columns: Sequence[FlowColumn] = FLOW_COLUMNS,
 ) -> dict[str, NDArray[Any]]:
     """Returns columns (M,) of the table, by name.
@@ -111,9 +112,7 @@ def flow_columns(
     }
 
 
-def position_columns(
-    xyz: NDArray[np.float32], measured: NDArray[np.bool_]
-) -> dict[str, NDArray[Any]]:
+def position_columns(xyz: Floats32, measured: Bools) -> dict[str, NDArray[Any]]:
     """Returns x, y, z by name, of the points (N, 3) of a sweep, in metres, as `flow_columns`."""
     return {
         name: _in_rows(np.float32, np.nan, xyz[:, axis], measured)
@@ -122,7 +121,7 @@ def position_columns(
 
 
 def _in_rows(
-    dtype: DTypeLike, missing: float, values: NDArray[Any] | None, measured: NDArray[np.bool_]
+    dtype: DTypeLike, missing: float, values: NDArray[Any] | None, measured: Bools
 ) -> NDArray[Any]:
     """Returns values (N,) of the sweep in the rows (M,) of the cloud."""
     if values is not None and len(values) == len(measured):

@@ -4,8 +4,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats32
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.rigid_motion import turned
@@ -30,7 +30,7 @@ def moving_cloud(
 
 def movers_at_stamp(
     sweep: Sweep, estimate: FlowEstimate, known: OverGround, interval_s: float, *, deskew: bool
-) -> tuple[NDArray[np.float32], FlowEstimate]:
+) -> tuple[Floats32, FlowEstimate]:
     """Moves dynamic points to their positions at the stamp of the sweep.
 
     Args:

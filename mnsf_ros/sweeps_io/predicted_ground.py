@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import AnyFloats
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.geometry.transforms import FloatArray
 from mnsf_ros.sweeps.mounting import Mounting
 
 _CELL_M: Final = 0.2
@@ -59,7 +59,7 @@ def clearing_columns(mounting: Mounting | None) -> dict[str, NDArray[Any]]:
     return {name: ring[:, axis].astype(np.float32) for axis, name in enumerate("xyz")}
 
 
-def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
+def _covered(item: TrackedObject, horizon_s: float) -> AnyFloats:
     """(P, 5) x, y, z, time and `track_id` of samples of the ground that an object will cover."""
     speed_m_s = max(math.hypot(*item.velocity[:2].tolist()), _CELL_M)
     direction = np.abs(_rotations(np.array(-item.yaw)) @ item.velocity[:2]) / speed_m_s
@@ -82,7 +82,7 @@ def _covered(item: TrackedObject, horizon_s: float) -> FloatArray:
     return points.reshape(-1, 5)
 
 
-def _ways(item: TrackedObject, times_s: FloatArray) -> FloatArray:
+def _ways(item: TrackedObject, times_s: AnyFloats) -> AnyFloats:
     """(T, 3) metres that an object covers at constant speed and turn rate."""
     # The mean direction of an arc is the direction in its middle.
     half_turns = item.turn_rate * times_s / 2
@@ -92,7 +92,7 @@ def _ways(item: TrackedObject, times_s: FloatArray) -> FloatArray:
     return ways
 
 
-def _deviations_m(item: TrackedObject, times_s: FloatArray) -> FloatArray:
+def _deviations_m(item: TrackedObject, times_s: AnyFloats) -> AnyFloats:
     """(T, 2) standard deviations of the predicted place, along the heading and across it."""
     turn = _rotations(np.array(-item.yaw))
     places, both, velocities = (
@@ -103,7 +103,7 @@ def _deviations_m(item: TrackedObject, times_s: FloatArray) -> FloatArray:
     return np.sqrt(np.maximum(places + 2 * times * both + times**2 * velocities, 0.0))
 
 
-def _rotations(angles: FloatArray) -> FloatArray:
+def _rotations(angles: AnyFloats) -> AnyFloats:
     """(..., 2, 2) turns by angles (...), radians."""
     cosines, sines = np.cos(angles), np.sin(angles)
     rows = np.stack([cosines, -sines, sines, cosines], axis=-1)

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Floats, Floats32
 from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import LidarsSettings
 from mnsf_ros.sweeps.mounting import Mounting
@@ -171,7 +172,7 @@ class LidarGroups:
 
 def merged_sweep(
     sweeps: Mapping[int, Sweep],
-    frame_from_lidar: Mapping[int, NDArray[np.float64]],
+    frame_from_lidar: Mapping[int, Floats],
     stamp_ns: int,
     header: Any,  # noqa: ANN401 - std_msgs/Header
     mounting: Mounting | None = None,
@@ -212,7 +213,7 @@ def revolution_sweep(parts: Sequence[Sweep]) -> Sweep:
 
 def _joined(
     sweeps: Sequence[Sweep],
-    xyz: NDArray[np.float32],
+    xyz: Floats32,
     stamp_ns: int,
     header: Any,  # noqa: ANN401 - std_msgs/Header
     further: Mapping[str, NDArray[Any]],
@@ -235,7 +236,7 @@ def _joined(
     return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
 
 
-def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
+def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> Floats32 | None:
     """Returns (N,) seconds after the common stamp; None if all points were measured at it."""
     if all(sweep.times_s is None and sweep.stamp_ns == stamp_ns for sweep in sweeps):
         return None
@@ -247,7 +248,7 @@ def joined_times(sweeps: Sequence[Sweep], stamp_ns: int) -> NDArray[np.float32] 
     return np.concatenate(parts).astype(np.float32)
 
 
-def _intensity(sweep: Sweep) -> NDArray[np.float32] | None:
+def _intensity(sweep: Sweep) -> Floats32 | None:
     """(N,) values of the field; None unless the cloud has one number for each point."""
     source: CloudSource = sweep.source
     points = decode_points(source.message).reshape(-1)

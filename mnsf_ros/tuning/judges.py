@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.arrays import Floats, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
@@ -150,8 +150,8 @@ class ConsistencyJudge:
         kinds = (errors[self._is_open], errors[~self._is_open])
         return sum(float(part.mean()) if len(part) else 0.0 for part in kinds) / len(kinds)
 
-    def _errors(self, settings: Settings, *, are_static: bool = False) -> NDArray[np.float64]:
-        parts: list[NDArray[np.float64]] = [np.zeros(0)]
+    def _errors(self, settings: Settings, *, are_static: bool = False) -> Floats:
+        parts: list[Floats] = [np.zeros(0)]
         for examples, landings in zip(self._half, self._landings, strict=True):
             flows = self.estimates_of(examples, settings)
             known = [flow.over_ground if flow else None for flow in flows]
@@ -166,13 +166,11 @@ class _Landing:
     place: int  # number of the example in its half
     later: int
     num_intervals: float  # time between them, in intervals to the next sweep
-    rows: NDArray[np.int64]  # (M,) the chosen points of the current sweep
-    xyz: NDArray[np.float64]  # (M, 3) metres, sensor frame
+    rows: Ints  # (M,) the chosen points of the current sweep
+    xyz: Floats  # (M, 3) metres, sensor frame
     tree: cKDTree  # points of the later sweep, its sensor frame
 
-    def errors(
-        self, known: Sequence[OverGround | None], *, are_static: bool
-    ) -> NDArray[np.float64]:
+    def errors(self, known: Sequence[OverGround | None], *, are_static: bool) -> Floats:
         """Landing errors (M,), metres; `known` has one entry for each example of the half."""
         now, then = known[self.place], known[self.later]
         if now is None or then is None:

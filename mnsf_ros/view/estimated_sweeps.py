@@ -6,8 +6,8 @@ from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats
 from mnsf_ros.core.flow_estimate import FlowEstimate, TrackedObject
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.findings import Findings
@@ -70,7 +70,7 @@ def scene_of(sweep: EstimatedSweep, layer: str) -> DrawnSweep:
     )
 
 
-def pose_and_objects(sweep: EstimatedSweep) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
+def pose_and_objects(sweep: EstimatedSweep) -> tuple[Floats, Sequence[TrackedObject]]:
     """Returns world_from_sensor (4, 4), the identity if unknown, and the dynamic objects."""
     known = sweep.estimate.over_ground
     return (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
@@ -87,7 +87,7 @@ def _estimate_colors(sweep: EstimatedSweep) -> Colors:
 def _truth_colors(sweep: EstimatedSweep) -> Colors:
     example = sweep.example
     velocity = np.zeros_like(sweep.estimate.flow)
-    moves: NDArray[np.bool_] = np.zeros(len(velocity), np.bool_)
+    moves: Bools = np.zeros(len(velocity), np.bool_)
     if (truth := example.truth) is not None and truth.valid.any():
         moves = truth.dynamic & truth.valid
         rows = np.flatnonzero(truth.valid)

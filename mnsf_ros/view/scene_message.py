@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.arrays import Bools, Floats, Floats32
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.drawing.color_wheel import (
     FULL_COLOR_M_S,
@@ -46,13 +47,13 @@ class DrawnSweep:
     """
 
     stamp_ns: int
-    xyz: NDArray[np.float32]
+    xyz: Floats32
     colors: Colors
-    world_from_sensor: NDArray[np.float64]
+    world_from_sensor: Floats
     objects: Sequence[TrackedObject]
 
 
-def motion_colors(velocity: NDArray[np.float32], is_large: NDArray[np.bool_]) -> Colors:
+def motion_colors(velocity: Floats32, is_large: Bools) -> Colors:
     """Returns colours by direction and speed: 0x00RRGGBB, and bit 24 for large points.
 
     Args:
@@ -62,7 +63,7 @@ def motion_colors(velocity: NDArray[np.float32], is_large: NDArray[np.bool_]) ->
     return packed_colors(velocity, FULL_COLOR_M_S) | is_large * _LARGE
 
 
-def error_colors(errors_m: NDArray[np.float32], known: NDArray[np.bool_]) -> Colors:
+def error_colors(errors_m: Floats32, known: Bools) -> Colors:
     """Returns colours of errors (N,) in metres, dark where none is known."""
     colors = error_colors_rgb(errors_m).astype(np.uint32) @ np.array([2**16, 2**8, 1], np.uint32)
     is_large = errors_m > FULL_ERROR_M / 2
@@ -91,10 +92,7 @@ class Paths:
         self._tracks: dict[int, deque[list[float]]] = {}
 
     def after(
-        self,
-        stamp_ns: int,
-        world_from_sensor: NDArray[np.float64],
-        objects: Sequence[TrackedObject],
+        self, stamp_ns: int, world_from_sensor: Floats, objects: Sequence[TrackedObject]
     ) -> Trails:
         """Adds the places of a sweep; returns those up to it."""
         if stamp_ns <= self._last_ns:
