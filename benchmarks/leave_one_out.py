@@ -52,6 +52,11 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     "reach above the sensor": _without_term(6),
     "parts move alone less often": _without_term(7),
     "followed before it is called": (gate, "_TENTATIVE", 0.0),
+    "views that travel with the sensor": (
+        gate,
+        "are_travelling_views",
+        lambda objects, *_: np.zeros(len(objects), bool),
+    ),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
     "beside the view": (range_view, "_beside", lambda is_seen: np.zeros(is_seen.shape[1], bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),

@@ -16,6 +16,7 @@ from mnsf_ros.online.object_points import NOISE_M, ObjectPoints
 from mnsf_ros.online.preparation import Scene
 from mnsf_ros.online.table import ObjectTable
 from mnsf_ros.online.target import Targets
+from mnsf_ros.online.travelling_views import are_travelling_views
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
@@ -56,7 +57,8 @@ def _with_evidence(table: ObjectTable, rows: Ints, scene: Scene) -> ObjectTable:
     points, motions = suspects.points, suspects.fitted.motions
     static = judge(points, scene.targets, np.zeros_like(motions))
     num_new_or_gone = free_space(points, scene.targets, motions)
-    features = evidence(suspects, static, num_new_or_gone)
+    are_views = are_travelling_views(points, motions, scene.targets.next)
+    features = evidence(suspects, static, num_new_or_gone, are_views)
     return table.put(
         rows,
         num_new_or_gone=num_new_or_gone,
@@ -106,7 +108,9 @@ def free_space(objects: ObjectPoints, targets: Targets, motions: Floats32) -> Fl
     return num_new_or_gone
 
 
-def evidence(table: ObjectTable, static: JudgedMotions, num_new_or_gone: Floats) -> Floats:
+def evidence(
+    table: ObjectTable, static: JudgedMotions, num_new_or_gone: Floats, are_views: Bools
+) -> Floats:
     """Returns (K, 8) features for and against the motions of K objects.
 
     The columns are:
@@ -118,13 +122,14 @@ def evidence(table: ObjectTable, static: JudgedMotions, num_new_or_gone: Floats)
     * three products of S: with log(1 + thickness / noise), with log(number of points), and with
       the height of the top above the sensor in metres. S sums the logarithms of the shares of the
       residual that the motion leaves in the neighbouring and in the older sweeps; without older
-      ones, the neighbouring ones count twice;
+      ones, the neighbouring ones count twice. It is 0 for views that travel with the sensor;
     * whether it is a part: most parts move with their wholes.
 
     Args:
         table: K objects whose motions were found.
         static: Residuals of the objects as static.
         num_new_or_gone: (K,) see `free_space`.
+        are_views: (K,) see `are_travelling_views`.
     """
     objects, prior, fitted = table.points, table.prior, table.fitted
     are_parts = table.wholes != objects.numbers
@@ -133,6 +138,7 @@ def evidence(table: ObjectTable, static: JudgedMotions, num_new_or_gone: Floats)
     shares = _log_share(fitted.near_mean, static.near_mean) + _log_share(
         fitted.past_mean, static.past_mean
     )
+    shares = np.where(are_views, 0.0, shares)
     thicknesses = np.log1p(objects.thicknesses / NOISE_M)
     columns = (
         np.ones(len(table)),

@@ -13,6 +13,7 @@ from mnsf_ros.online.gate import evidence, free_space, moves, moving_log_odds
 from mnsf_ros.online.motions import TrackPrior, best_of, judge
 from mnsf_ros.online.suspects import with_suspects
 from mnsf_ros.online.target import Targets
+from mnsf_ros.online.travelling_views import are_travelling_views
 from mnsf_ros.settings import Settings
 
 PLACE = np.array([12.0, 0.0, 0.0])
@@ -24,6 +25,12 @@ def plate(x_m, y_m=0.0):
     """(N, 3) a plate across the line of sight, denser than any beams."""
     y, z = np.mgrid[-1:1:0.03, -1:1:0.03].reshape(2, -1)
     return np.stack([np.full(len(y), x_m), y + y_m, z], axis=1)
+
+
+def patch(x_m, y_m=6.0, turn=0.0):
+    """(N, 3) what is seen of a wall along the way, turned about its middle."""
+    along, z = np.mgrid[-1:1:0.03, -1:1:0.03].reshape(2, -1)
+    return np.stack([x_m + along * np.cos(turn), y_m + along * np.sin(turn), z], axis=1)
 
 
 def suspects_of(targets, objects, track=(0, 0, 0), odds=0.0):
@@ -73,6 +80,41 @@ def test_what_is_gone_tells_that_a_long_side_slid_along_itself():
 
 
 @pytest.mark.parametrize(
+    ("sensor_m", "thing", "motion_m", "explained"),
+    [
+        (1.0, patch(0.0), (1.0, 0, 0), True),
+        (1.0, patch(0.0), (0.7, 0, 0), True),
+        (1.0, patch(0.0), (-1.0, 0, 0), False),
+        (0.02, patch(0.0), (1.0, 0, 0), False),
+        # A rear does not slide along itself.
+        (1.0, patch(12.0, 0.0, np.pi / 2), (1.0, 0, 0), False),
+        (1.0, surface(np.array([0.0, 6.0, 0.0])), (1.0, 0, 0), False),
+    ],
+    ids=["patch of a wall", "of a slanting wall", "oncoming", "to one that stands", "rear", "car"],
+)
+def test_what_is_seen_of_a_wall_travels_along_with_the_sensor(sensor_m, thing, motion_m, explained):
+    moved = np.eye(4)
+    moved[0, 3] = sensor_m
+    current = prepared(thing)
+    next_ = target(prepared(thing, world_from_sensor=moved), current)
+    assert are_travelling_views(objects_of(current), rows(motion_m), next_) == [explained]
+
+
+def test_what_travels_along_with_the_sensor_is_no_evidence_without_free_space():
+    current, motion = prepared(patch(0.0)), rows((1.0, 0, 0))
+    targets = Targets([target(prepared(patch(step)), current, step) for step in (1, -1)], [])
+    table = suspects_of(targets, objects_of(current))
+    table = replace(table, fitted=judge(table.points, targets, motion))
+
+    def log_odds_of(num_new_or_gone, are_views):
+        features = evidence(table, table.static, np.full(1, num_new_or_gone), np.full(1, are_views))
+        return moving_log_odds(features)[0]
+
+    assert log_odds_of(0.0, are_views=False) > log_odds_of(0.0, are_views=True)
+    assert log_odds_of(1000.0, are_views=True) > 0 > log_odds_of(0.0, are_views=True)
+
+
+@pytest.mark.parametrize(
     ("odds", "called"), [(-1.0, False), (0.0, False), (4.0, True), (40.0, True)]
 )
 def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
@@ -85,7 +127,9 @@ def test_odds_of_the_track_count_in_the_next_sweep(odds, called):
     )
     moving = judge(suspects.points, targets, rows(motion))
     known, bias = (
-        moving_log_odds(evidence(replace(table, fitted=moving), table.static, np.zeros(1)))
+        moving_log_odds(
+            evidence(replace(table, fitted=moving), table.static, np.zeros(1), np.zeros(1, bool))
+        )
         for table in (suspects, without)
     )
     # The evidence of this sweep alone is just not enough.
