@@ -138,7 +138,7 @@ def test_missing_optuna_is_said_first(tmp_path, capsys, monkeypatch):
     ("arguments", "text"),
     [
         (["--trials", "0"], "trials: got 0"),
-        (["--max-examples", "-1"], "max_examples: got -1"),
+        (["--max-examples", "-1"], "max-examples: got -1"),
         (["--parameters", "crop.max_range_m"], "cannot be tuned; choose from"),
         (["--parameters", "objects.min_prob"], "or objects.min_probability or"),
         (["--parameters", TWO[0], "--set", f"{TWO[0]}=0.4"], "no parameter is left to tune"),
