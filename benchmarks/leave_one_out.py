@@ -59,6 +59,7 @@ _RULES: Final[dict[str, tuple[Any, str, Any]]] = {
     ),
     "hidden points count less": (target, "_HIDDEN_M", 0.5),
     "beside the view": (range_view, "_beside", lambda is_seen: np.zeros(is_seen.shape[1], bool)),
+    "between the beams": (range_view, "_between", lambda is_seen: np.zeros(len(is_seen), bool)),
     "what is gone": (target.Target, "gone", np.zeros((0, 3), np.float32)),
     "ceilings are no objects": (world_scores, "preset", lambda _: _WITH_CEILINGS),
     "splitting": (object_flow, "split", lambda current, _: current),

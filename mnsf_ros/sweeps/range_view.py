@@ -23,6 +23,8 @@ _ARCTAN: Final = tuple(
 # A place is free only if it is nearer than what is around by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
+# A row of cells with fewer returns than this share of those above and below is between beams.
+_BETWEEN_SHARE: Final = 0.1
 
 
 class RangeView:
@@ -42,6 +44,7 @@ class RangeView:
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
         self._above_or_below, self._beside = _above_or_below(is_seen), _beside(is_seen)
+        self._between = _between(is_seen)
 
     def _directions(self, places: Floats32) -> tuple[Ints32, Floats32]:
         """Returns (P,) cell and range of places (P, 3), metres, sensor frame."""
@@ -76,23 +79,33 @@ class RangeView:
     ) -> Floats32:
         """Returns (P,) metres, how far a point at a place may be from the nearest one of the sweep.
 
-        Nobody can have seen places that are hidden or out of view.
+        Nobody can have seen places that are hidden or out of view. A place between the beams tells
+        nothing: hardly anything returns from its elevation, all around, but much from above and
+        below.
 
         Args:
             positions: (P, 3) metres, sensor frame.
             other: The view from which the points were seen.
             reach_m: The limit of other places.
-            hidden_m: That of places that nobody can have seen.
+            hidden_m: That of places that nobody can have seen; between the beams it is 0.
         """
-        out = self._above_or_below, self._beside & other._beside
+        views = self._above_or_below, self._between, self._beside & other._beside
         limits = np.float32(reach_m), np.float32(hidden_m)
-        return _limits(*self._directions(positions), self._nearest, *out, *limits)
+        return _limits(*self._directions(positions), self._nearest, *views, *limits)
 
 
 def _beside(is_seen: Bools) -> Bools:
     """Returns (A,) from which azimuths, and those around, no cell (E, A) has a return."""
     azimuths = np.pad(is_seen.any(axis=0), _NUM_REACHED, mode="wrap")
     return np.asarray(~sliding_window_view(azimuths, 2 * _NUM_REACHED + 1).any(axis=1))
+
+
+def _between(is_seen: Bools) -> Bools:
+    """Returns (E,) which elevations are between the beams, by the cells (E, A) with a return."""
+    counts = is_seen.sum(axis=1)
+    sides = sliding_window_view(np.pad(counts, _NUM_REACHED), _NUM_REACHED).max(axis=1)
+    below, above = sides[: len(counts)], sides[-len(counts) :]
+    return np.asarray(counts < _BETWEEN_SHARE * np.minimum(below, above))
 
 
 def _above_or_below(is_seen: Bools) -> Bools:
@@ -161,14 +174,15 @@ def _directions(xyz: Floats32) -> tuple[Ints32, Floats32]:
 
 
 @compiled(
-    "float32[::1](int32[::1], float32[::1], float32[::1], boolean[::1], boolean[::1], float32,"
-    "float32)"
+    "float32[::1](int32[::1], float32[::1], float32[::1], boolean[::1], boolean[::1], boolean[::1],"
+    "float32, float32)"
 )
 def _limits(
     cells: Ints32,
     ranges: Floats32,
     nearest: Floats32,
     above_or_below: Bools,
+    between: Bools,
     beside: Bools,
     reach_m: np.float32,
     hidden_m: np.float32,
@@ -182,6 +196,8 @@ def _limits(
         is_hidden = nearest[cell] + margins[row] < ranges[row]
         is_unseen = is_hidden or beside[across] or above_or_below[up]
         limits[row] = hidden_m if is_unseen else reach_m
+        if between[up]:
+            limits[row] = 0.0
     return limits
 
 

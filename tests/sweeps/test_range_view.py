@@ -10,7 +10,7 @@ from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.sweeps.range_view import RangeView
 
-AROUND = np.arange(0.0, 360.0, 0.4)
+AROUND, FEW = np.arange(0.0, 360.0, 0.4), np.arange(-14.5, 15.0, 2.0)
 
 
 def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
@@ -19,6 +19,31 @@ def rings(elevations_deg, azimuths_deg=AROUND, range_m=10.0):
     flat = np.cos(elevations)
     directions = np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)])
     return (range_m * directions.T).astype(np.float32)
+
+
+def are_between(view, places):
+    return view.limits_m(places, view, reach_m=0.5, hidden_m=0.1) == 0
+
+
+@pytest.mark.parametrize(
+    ("beams_deg", "place_deg", "is_between"),
+    [
+        (FEW, -13.5, True),
+        (FEW, -12.5, False),
+        (FEW, 16.5, False),
+        (np.arange(-14.5, 15.0, 0.4), -13.5, False),
+    ],
+)
+def test_between_few_beams_nothing_is_known(beams_deg, place_deg, is_between):
+    view = RangeView(rings(beams_deg))
+    assert are_between(view, rings([place_deg])).all() == is_between
+    assert are_between(view, rings([place_deg])).any() == is_between
+
+
+def test_where_few_things_reach_up_the_beams_still_meet_them():
+    ground, person = rings(np.arange(-19.5, 0.0)), rings(np.arange(-4.5, 6.0), np.arange(0, 5, 0.4))
+    view = RangeView(np.concatenate([ground, person]))
+    assert not are_between(view, person).any()
 
 
 @pytest.mark.parametrize(
