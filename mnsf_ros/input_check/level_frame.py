@@ -9,6 +9,7 @@ import numpy as np
 from mnsf_ros.arrays import Floats
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.sweeps.mounting import tilt_deg
 from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
 
 _UP: Final = "z is up"
@@ -74,9 +75,5 @@ class LevelFrame(Assumption):
 def _tilt_text(up: Floats) -> str:
     axis = int(np.argmax(np.abs(up)))
     nearest = f"{'-' if up[axis] < 0 else ''}{'xyz'[axis]}"
-    text = f"z is {_tilt_deg(up):.0f} degrees off the normal of the ground"
+    text = f"z is {tilt_deg(up):.0f} degrees off the normal of the ground"
     return text if nearest == "z" else f"{text}, up is nearest to {nearest}"
-
-
-def _tilt_deg(up: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0))))

@@ -59,7 +59,7 @@ class Mounting:
     @property
     def tilt_deg(self) -> float:
         """Angle between z of the sensor and up."""
-        return float(np.degrees(np.arccos(np.clip(self.level_from_sensor[2, 2], -1.0, 1.0))))
+        return tilt_deg(self.level_from_sensor[2, :3])
 
     @property
     def lens_m(self) -> Floats:
@@ -77,3 +77,8 @@ class Mounting:
         if self.lens_m.any():
             tilt += f", lens at {self.place}"
         return f"{tilt} ({self.source})"
+
+
+def tilt_deg(up: Floats) -> float:
+    """Returns the angle in degrees between z and a unit vector (3,); more numbers do not count."""
+    return float(np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0))))

@@ -11,7 +11,7 @@ from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.geometry.transforms import mounted_at, sensor_mount
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.beam_cones import BeamCones
-from mnsf_ros.sweeps.mounting import Mounting
+from mnsf_ros.sweeps.mounting import Mounting, tilt_deg
 from mnsf_ros.sweeps.sweep import Sweep
 
 _UP: Final = np.array([0.0, 0.0, 1.0])
@@ -74,7 +74,7 @@ class MountingEstimate:
         if self.found is None:
             return "unknown: what may be ground may be a wall"
         height = f"{abs(self.ground[3]):.2f} m {'above' if self.ground[3] > 0 else 'below'}"
-        off = f"z {_tilt_deg(self.ground):.1f} degrees off its normal"
+        off = f"z {tilt_deg(self.ground):.1f} degrees off its normal"
         return f"{self.found}, origin {height} the ground, {off}"
 
     def mounted(self, sweep: Sweep, settings: Settings) -> Sweep:
@@ -107,9 +107,9 @@ class MountingEstimate:
             self.cones = BeamCones.of(sweep.xyz, rings)
         if ground is None:
             return
-        tilt_deg = _tilt_deg(ground)
-        if not _MIN_WALL_DEG < tilt_deg < 180.0 - _MIN_WALL_DEG:
-            up = _nearly_axis(ground[:3]) if tilt_deg > _MAX_TILT_DEG else _UP
+        off_deg = tilt_deg(ground)
+        if not _MIN_WALL_DEG < off_deg < 180.0 - _MIN_WALL_DEG:
+            up = _nearly_axis(ground[:3]) if off_deg > _MAX_TILT_DEG else _UP
             lens_m = None if self.cones is None else self.cones.lens_m
             source = "estimated from the ground" + ("" if lens_m is None else " and the beams")
             self.found = Mounting.of(up, np.zeros(3) if lens_m is None else lens_m, source)
@@ -161,10 +161,6 @@ def _nearly_axis(up: Floats) -> Floats:
     """The axis that is nearest to a normal (3,), if it is near; else the normal."""
     axis = np.round(up)
     return axis if np.linalg.norm(axis) == 1 and axis @ up > _NEARLY else up
-
-
-def _tilt_deg(ground: Floats) -> float:
-    return float(np.degrees(np.arccos(np.clip(ground[2], -1.0, 1.0))))
 
 
 def _planes_of(points: Floats, random: np.random.Generator) -> tuple[Floats, Floats, Floats]:

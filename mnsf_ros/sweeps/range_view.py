@@ -43,8 +43,8 @@ class RangeView:
         self._nearest = _nearest(*self._directions(xyz))
         self._nearest_around = _nearest_around(self._nearest)
         is_seen = np.isfinite(self._nearest).reshape(_NUM_ELEVATIONS, -1)
-        self._above_or_below, self._beside = _above_or_below(is_seen), _beside(is_seen)
-        self._between = _between(is_seen)
+        self._above_or_below, self._between = _above_or_below(is_seen), _between(is_seen)
+        self._beside = _beside(is_seen)
 
     def _directions(self, places: Floats32) -> tuple[Ints32, Floats32]:
         """Returns (P,) cell and range of places (P, 3), metres, sensor frame."""
