@@ -87,6 +87,8 @@ class OverGround:
         objects: The dynamic objects, of methods with objects.
         track_ids: (N,) int32, the `track_id` of each point's object, 0 for none. None for methods
             without objects.
+        lost: Why the ego motion is not known; empty if it is. While it is lost, the confidence is
+            0 and nothing counts as dynamic.
     """
 
     motion: Floats32 = field(repr=False)
@@ -99,6 +101,7 @@ class OverGround:
     motion_covariance: Floats | None = field(default=None, repr=False)
     objects: tuple[TrackedObject, ...] = ()
     track_ids: Ints32 | None = field(default=None, repr=False)
+    lost: str = ""
 
     def part(self, rows: Ints) -> "OverGround":
         """Returns the same for some points, by their numbers (M,)."""

@@ -48,7 +48,7 @@ class EgoSource(Enum):
     ODOMETRY = "odometry"
     TF = "tf"  # odometry, too, from the transforms between frames
     REGISTRATION = "registration"
-    CONSTANT_VELOCITY = "constant velocity"  # neither is available: the last motion continues
+    LOST = "lost"  # none is available, or believed: the last motion continues
 
 
 # Registration: in addition to the covariance by the map; within a sweep vehicles sway on their
@@ -58,7 +58,7 @@ _NOISE: Final = {
     EgoSource.REGISTRATION: StepNoise(0.002, 0.0, 0.001, 0.0),
     EgoSource.ODOMETRY: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.TF: StepNoise(0.01, 0.02, 0.001, 0.02),
-    EgoSource.CONSTANT_VELOCITY: StepNoise(0.5, 0.5, 0.05, 0.5),
+    EgoSource.LOST: StepNoise(0.5, 0.5, 0.05, 0.5),
 }
 
 
@@ -70,6 +70,7 @@ class SensorPose:
         world_from_sensor: (4, 4) float64, at the moment of `motion`. The world is the sensor frame
             of the first sweep.
         source: Source of the pose.
+        lost: Why the pose is not known relative to the last one; empty if it is.
         motion: The sensor's motion during the sweep; None if the sweep counts as taken in one
             moment, at its stamp.
         covariance: Of the pose, in the axes of the world.
@@ -81,6 +82,7 @@ class SensorPose:
     covariance: Floats = field(default_factory=UNKNOWN_COVARIANCE.copy)
     step_covariance: Floats = field(default_factory=UNKNOWN_COVARIANCE.copy)
     motion: SweepMotion | None = None
+    lost: str = ""
 
     @property
     def world_from_stamp(self) -> Floats:
@@ -181,11 +183,11 @@ class EgoMotion:
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
-        if source is not EgoSource.CONSTANT_VELOCITY:
+        if source is not EgoSource.LOST:
             self._gyroscope.learn(sweep, *interval_s, motion[:3, :3])
         # From an unknown pose, the motion to the next one is unknown, too.
-        was_guessed = self._last_pose.source is EgoSource.CONSTANT_VELOCITY
-        if source is not EgoSource.CONSTANT_VELOCITY and not (
+        was_guessed = self._last_pose.source is EgoSource.LOST
+        if source is not EgoSource.LOST and not (
             was_guessed and self._last_motion is None
         ):
             self._last_motion = None if interval_ns < 0 else motion
@@ -194,7 +196,8 @@ class EgoMotion:
         axes = six_axes(before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
-        return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep))
+        lost = "the sweep does not match those before it" if source is EgoSource.LOST else ""
+        return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep), lost)
 
     @property
     def _is_odometry_wanted(self) -> bool:
@@ -241,7 +244,7 @@ class EgoMotion:
         new_map = self._map_of(sweep, pose, self.motion_in(sweep))
         self._map = self._map if new_map.is_empty else new_map
         motion: Floats = np.linalg.inv(world_from_last) @ pose
-        return motion, EgoSource.CONSTANT_VELOCITY, np.zeros((6, 6))
+        return motion, EgoSource.LOST, np.zeros((6, 6))
 
     def _matched(
         self,

@@ -93,7 +93,7 @@ class LidarRotation:
             return False
         if not _are_wanted(settings):
             return False
-        if pose.source is EgoSource.CONSTANT_VELOCITY:
+        if pose.source is EgoSource.LOST:
             self._views.clear()
             return False
         self._intervals_s.append(interval_s)

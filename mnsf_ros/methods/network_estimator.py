@@ -134,14 +134,17 @@ def _over_ground(
 ) -> OverGround:
     current, following = poses[triplet.current], poses[triplet.next]
     interval_s = triplet.interval_s if triplet.interval_s > 0 else USUAL_INTERVAL_S
+    lost = following.lost
+    is_fast = np.linalg.norm(motion, axis=1) > _DYNAMIC_SPEED_M_S * interval_s
     return OverGround(
         motion=motion,
-        dynamic=np.linalg.norm(motion, axis=1) > _DYNAMIC_SPEED_M_S * interval_s,
+        dynamic=is_fast & (not lost),
         # Networks do not know how sure they are.
-        confidence=np.full(len(motion), np.nan, dtype=np.float32),
+        confidence=np.full(len(motion), 0.0 if lost else np.nan, dtype=np.float32),
         world_from_sensor=current.world_from_stamp,
         next_from_current=np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor,
         source=following.source.value,
         pose_covariance=current.covariance,
         motion_covariance=following.step_covariance,
+        lost=lost,
     )

@@ -9,7 +9,6 @@ import numpy as np
 from mnsf_ros.arrays import Floats, Floats32, Ints, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
-from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.geometry.transforms import planar_pose, turned_yaw
 from mnsf_ros.online.attachments import rows_of_movers
@@ -48,8 +47,7 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
     confidence = _static_confidence(current, object_ids, table.doubtful)
     of_movers = moving_confidence(movers.fitted, movers.log_odds, movers.residual_rise)
     confidence[dynamic_rows] = of_movers[rows]
-    source = next_.sweep.pose.source
-    if source is EgoSource.CONSTANT_VELOCITY:
+    if next_.sweep.pose.lost:
         # Without the ego motion, no flow is known.
         confidence[:] = 0
     # The poses of sweeps are those of a moment within them; messages refer to the stamp.
@@ -59,11 +57,12 @@ def to_points(scene: Scene, table: ObjectTable, tracks: Sequence[Track]) -> Over
         confidence=confidence,
         world_from_sensor=current.pose.world_from_stamp,
         next_from_current=next_.from_current,
-        source=source.value,
+        source=next_.sweep.pose.source.value,
         pose_covariance=current.pose.covariance,
         motion_covariance=next_.sweep.pose.step_covariance,
         objects=tracked_objects(tracks, current, track_ids),
         track_ids=track_ids,
+        lost=next_.sweep.pose.lost,
     )
 
 

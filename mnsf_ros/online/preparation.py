@@ -47,7 +47,7 @@ class PreparedSweeps:
         """
         *previous, current, next_ = self.of_triplet
         near = [Target.of(next_, current, 1.0)]
-        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
+        if current.pose.source is not EgoSource.LOST:
             # Otherwise the current sweep cannot be related to the previous one.
             near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in previous]
         return near
@@ -124,7 +124,7 @@ def _related(sweeps: Iterable[ObjectSweep]) -> Iterator[ObjectSweep]:
     """
     for sweep in reversed([*sweeps]):
         yield sweep
-        if sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
+        if sweep.pose.source is EgoSource.LOST:
             return
 
 

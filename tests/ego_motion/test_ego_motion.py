@@ -120,7 +120,7 @@ class TestWhatCannotBeRegistered:
         found = [ego_motion.pose_of(bad)]
         found += poses_of(ego_motion, [sweep_at(path, index) for index in (4, 5, 6)])
         assert [item.source for item in found] == [
-            *(num_lost * [EgoSource.CONSTANT_VELOCITY]),
+            *(num_lost * [EgoSource.LOST]),
             *((4 - num_lost) * [EgoSource.REGISTRATION]),
         ]
         for index, item in enumerate(found, start=3):
@@ -141,7 +141,7 @@ class TestWhatCannotBeRegistered:
         for number in range(3):
             odometry.pose_of(Sweep(places + np.float32(0.3 * number), number * 10**8))
         pose = odometry.pose_of(Sweep(places + np.float32(0.9), 3 * 10**8))
-        assert pose.source is EgoSource.CONSTANT_VELOCITY
+        assert pose.source is EgoSource.LOST
 
     def test_points_far_away_and_far_up_are_no_harm(self):
         path, ego_motion = moved(), EgoMotion(REGISTRATION)

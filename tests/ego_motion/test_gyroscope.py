@@ -122,5 +122,5 @@ def test_a_lost_sweep_turns_on(sweeps):
     """Nothing but rates tells the rotation while the lidar is covered."""
     covered = [*sweeps[:-1], sweeps[-1].part(np.arange(20))]
     found = poses_of(covered)
-    assert found[-1].source is EgoSource.CONSTANT_VELOCITY
+    assert found[-1].source is EgoSource.LOST
     assert errors_deg(found)[-1] < 0.3

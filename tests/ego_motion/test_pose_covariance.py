@@ -62,7 +62,7 @@ def test_poses_on_bare_ground_are_guesses_that_go_on_with_the_velocity():
     for index in range(6):
         known = pose(0.5 * index) if index < 3 else None
         found = ego_motion.pose_of(ground.sweep(pose(0.5 * index), index, odometry=known))
-    assert found.source is EgoSource.CONSTANT_VELOCITY
+    assert found.source is EgoSource.LOST
     np.testing.assert_allclose(found.world_from_sensor, pose(2.5), atol=1e-9)
     assert np.sqrt(found.step_covariance[0, 0]) > 0.3
 

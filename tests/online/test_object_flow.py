@@ -106,7 +106,7 @@ def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
     sweeps[3] = unrelated_sweep(3)
     results = [estimator.estimate(each) for each in triplets_of(sweeps)]
     sources = [result.over_ground.source for result in results]
-    assert sources == ["registration", *(2 * ["constant velocity"]), "registration"]
+    assert sources == ["registration", *(2 * ["lost"]), "registration"]
     for result in results[1:3]:
         assert not result.over_ground.confidence.any()
     assert ["backward" in result.times_ms for result in results] == [
@@ -146,7 +146,7 @@ def test_very_few_points(num_points):
     result = estimate(SweepTriplet(*sweeps), **{"ground.remove": False})
     np.testing.assert_allclose(result.flow, 0, atol=1e-6)
     # They are too sparse for surfaces.
-    assert result.over_ground.source == "constant velocity"
+    assert result.over_ground.source == "lost"
 
 
 @pytest.mark.parametrize("num_points", [0, 1, 9])
