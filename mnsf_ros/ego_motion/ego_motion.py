@@ -187,9 +187,7 @@ class EgoMotion:
             self._gyroscope.learn(sweep, *interval_s, motion[:3, :3])
         # From an unknown pose, the motion to the next one is unknown, too.
         was_guessed = self._last_pose.source is EgoSource.LOST
-        if source is not EgoSource.LOST and not (
-            was_guessed and self._last_motion is None
-        ):
+        if source is not EgoSource.LOST and not (was_guessed and self._last_motion is None):
             self._last_motion = None if interval_ns < 0 else motion
             self._last_interval_ns = interval_ns
             self._last_covariance = known + was_guessed * self._last_pose.step_covariance
