@@ -1,11 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep, the triplet of one estimate, and where an estimate starts."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ USUAL_INTERVAL_S = 0.1
 # (3, 3), of beams that turn about the z of the sensor's frame.
 NOT_TILTED = np.eye(3)
 NOT_TILTED.flags.writeable = False
+# Points that tell clouds apart: the noise of a lidar changes each of them.
+_NUM_PRINTED: Final = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,18 @@ class Sweep:
         """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
         first_s, last_s = self.span_s
         return (first_s + last_s) / 2
+
+    @cached_property
+    def fingerprint(self) -> bytes:
+        """8 bytes that are equal for equal clouds: of some points, and of their number.
+
+        Stamps do not count. Without noise a change of few points may go unnoticed.
+        """
+        number = len(self)
+        few = self.xyz[:: 1 + number // _NUM_PRINTED]
+        return hashlib.blake2b(
+            few.tobytes(), digest_size=8, salt=number.to_bytes(8, "little")
+        ).digest()
 
     @property
     def rings(self) -> NDArray[np.integer[Any]] | None:

@@ -117,3 +117,12 @@ def test_middle_of_the_times():
     times_s = np.array([0.1, -0.2, 0.0, 0.05], np.float32)
     assert Sweep(xyz, times_s=times_s).middle_s == pytest.approx(-0.05)
     assert Sweep(xyz).middle_s == Sweep(xyz[:0], times_s=times_s[:0]).middle_s == 0
+
+
+def test_a_fingerprint_tells_clouds_apart_and_not_stamps():
+    xyz = np.random.default_rng(0).normal(0, 10, (100_000, 3)).astype(np.float32)
+    prints = [Sweep(xyz, 1).fingerprint, Sweep(xyz.copy(), 2).fingerprint]
+    assert prints[0] == prints[1]
+    # Noise of a few micrometres, one point less, a cloud of no point.
+    others = [xyz + np.float32(1e-5), xyz[:-1], xyz[:0]]
+    assert len({prints[0], *(Sweep(other).fingerprint for other in others)}) == 4
