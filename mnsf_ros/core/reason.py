@@ -21,6 +21,7 @@ class Verdict(Enum):
     OUTSIDE_CROP = "outside the crop"
     NO_OBJECT = "seen a second time in the same revolution"
     OWN_BODY = "the robot's own body"
+    EGO_MOTION_LOST = "the ego motion is lost: nothing counts as moving"
     TOO_FEW_POINTS = "too few points"
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"

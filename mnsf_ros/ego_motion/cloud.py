@@ -2,6 +2,7 @@
 """A sweep prepared for registration: thinned points in parts, each measured at about one time."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from mnsf_ros.arrays import Floats, Floats32, Ints32
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import thinned
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
@@ -19,6 +21,8 @@ from mnsf_ros.sweeps.sweep import Sweep
 _COLUMN_M: Final = np.float32(1.0)
 _LOW_M: Final = np.float32(0.3)
 _LOW_CELLS: Final = 1.7
+# Seen from above, heights count by this share: between two lasers on a wall is wall, too.
+HEIGHT_SHARE: Final = np.float32(0.1)
 # While the sensor turns by 10 degrees/s more than expected, a point 30 m away moves by 3 cm in a
 # part of a usual sweep, less than the noise of registration.
 _NUM_PARTS: Final = 20
@@ -65,6 +69,13 @@ class Cloud:
     def at_once(self, points: Floats32) -> "Cloud":
         """Returns a cloud of points (N, 3) of this one, as if measured in one moment."""
         return Cloud(points, len(points), *_parts(points[:, 3:]), self.beam_axis)
+
+    @cached_property
+    def from_above(self) -> PointGrid:
+        """The points with less height, to be compared from above."""
+        points = self.points.copy()
+        points[:, 2] *= HEIGHT_SHARE
+        return PointGrid(points)
 
     def poses(self, pose: Floats, velocity: Floats) -> Floats:
         """Returns (K, 4, 4) the poses of the sensor at the times of the parts.

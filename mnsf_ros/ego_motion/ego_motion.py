@@ -1,16 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sensor poses of sweeps: from odometry if available, else by registration."""
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.arrays import Floats, Floats32
-from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.covariance import (
     UNKNOWN_COVARIANCE,
     StepNoise,
@@ -18,15 +18,15 @@ from mnsf_ros.ego_motion.covariance import (
     six_axes,
     step_covariance,
 )
+from mnsf_ros.ego_motion.deskewing import Deskewing
 from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
-from mnsf_ros.ego_motion.sweep_matcher import KNOWN_VELOCITY, Placed, SweepMatcher
+from mnsf_ros.ego_motion.registration import Lost, Match, Registration, SweepPair
+from mnsf_ros.ego_motion.sweep_matcher import Placed
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion, Turns
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep
 
-# Longest extrapolation, in last intervals: beyond it, constant velocity is no useful guess.
-_MAX_INTERVALS: Final = 3.0
 # A longer jump of the odometry, as after a reset, is not taken as a motion.
 _MAX_SPEED_M_S: Final = 100.0
 _MAX_STEP_M: Final = 1.0  # without stamps, too
@@ -35,8 +35,9 @@ _MAX_STEP_M: Final = 1.0  # without stamps, too
 _ACCELERATION_M_S2: Final = 2.0
 _HEAVE_M: Final = 1.0
 _LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
-# Maximum number of matches of a sweep, each with the motion found last.
-_MAX_ROUNDS: Final = 3
+# A driver that is stuck repeats its last cloud, or some clouds in turn.
+_NUM_RECENT: Final = 4
+_REPEATED: Final = "clouds repeat: the driver is stuck, or a simulation has no noise"
 # Number of sweeps kept. Up to 22 Hz they reach back far enough for the sweep 0.6 s ago.
 MAX_SWEEPS: Final = 12
 
@@ -98,25 +99,14 @@ class SensorPose:
         return self.motion.moved(sweep.xyz, sweep.times_s)
 
 
-@dataclass(frozen=True, eq=False)
-class _Match:
-    """A registered sweep.
+class _Rotations(NamedTuple):
+    """Measured rotations: during a sweep, and (3, 3) since the last one; None where unknown."""
 
-    Attributes:
-        found: Its pose.
-        motion: (4, 4) last_from_sweep.
-        cloud: Its points for the map.
-        map: The map that it was matched with; the sweep is not in it yet.
-        during: The motion during it; None if not known.
-        bending: The motion expected during the next sweep; None if not used.
-    """
+    during: Turns | None
+    since_last: Floats | None
 
-    found: Placed
-    motion: Floats
-    cloud: Cloud | None
-    map: SweepMatcher
-    during: SweepMotion | None
-    bending: SweepMotion | None
+
+_NOT_MEASURED: Final = _Rotations(None, None)
 
 
 class EgoMotion:
@@ -124,77 +114,85 @@ class EgoMotion:
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
-        # None with odometry, which needs no map. The map includes the last sweep.
-        self._map: SweepMatcher | None = None
+        self._deskewing = Deskewing(is_used=settings.deskew)
+        self._registration = Registration(settings, self._deskewing)
         self._last: Sweep | None = None
+        self._recent: deque[Sweep] = deque(maxlen=_NUM_RECENT)
+        self._is_repeated = False
         self._last_pose = _origin()
         self._last_motion: Floats | None = None
         # Of that motion, from all sweeps so far, in world axes.
         self._last_covariance: Floats = np.zeros((6, 6))
         self._last_interval_ns = 0
-        # The same for all sweeps of a world, so that intervals are those of the stamps.
-        self._moment_s: float | None = None
-        self._bending: SweepMotion | None = None  # expected
-        self._during: SweepMotion | None = None  # the last sweep, if registered
         self._gyroscope = Gyroscope(is_used=settings.imu)
-        self._turns: Turns | None = None  # of the last sweep
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
-        """The pose of a sweep newer than all before. The first sweep is the origin."""
-        last, self._last, self._during = self._last, sweep, None
+        """The pose of a sweep newer than all before. The first sweep is the origin.
+
+        A cloud that repeats an earlier one is no measurement: it counts as if it had not come.
+        """
+        was_repeated = self._is_repeated
+        self._is_repeated = any(sweep.repeats(one) for one in self._recent)
+        if self._is_repeated:
+            return replace(self._last_pose, source=EgoSource.LOST, lost=_REPEATED)
+        self._recent.append(sweep)
+        last, self._last = self._last, sweep
+        self._deskewing.begin(sweep)
         self._last_pose = self._start(sweep) if last is None else self._next_pose(last, sweep)
+        if was_repeated:
+            # The cloud before it is older than its stamp.
+            return replace(self._last_pose, source=EgoSource.LOST, lost=_REPEATED)
         return self._last_pose
 
     def motion_in(self, sweep: Sweep) -> SweepMotion | None:
         """The sensor's motion during a sweep, as far as it is known by now."""
-        if sweep.times_s is None or self._bending is None:
-            return None
-        if sweep is not self._last:
-            return replace(self._bending, turns=None)
-        return self._during or replace(self._bending, turns=self._turns)
-
-    def _bent_by(self, sweep: Sweep, step: Floats, interval_ns: int) -> SweepMotion | None:
-        """The motion during a sweep, given the motion `step` in an interval; None if not used."""
-        if not self._settings.deskew or sweep.times_s is None or interval_ns <= 0:
-            return None
-        if self._moment_s is None:
-            self._moment_s = sweep.middle_s
-        motion = SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
-        variance = motion.variance if self._bending is None else self._bending.variance
-        return replace(motion, turns=self._turns, variance=variance)
+        return self._deskewing.motion_in(sweep)
 
     def _start(self, sweep: Sweep) -> SensorPose:
-        has_odometry = self._is_odometry_wanted and sweep.odometry is not None
-        self._map = None if has_odometry else self._map_of(sweep, np.eye(4))
+        if not (self._is_odometry_wanted and sweep.odometry is not None):
+            self._registration.start(sweep, np.eye(4))
         return _origin()
 
     def _next_pose(self, last: Sweep, sweep: Sweep) -> SensorPose:
         before = self._last_pose.world_from_sensor
         interval_ns = sweep.stamp_ns - last.stamp_ns
-        moment_s = self._moment_s or 0.0
+        moment_s = self._deskewing.moment_s
         interval_s = moment_s - interval_ns / NANOSECONDS, moment_s
-        self._turns = self._gyroscope.turns(sweep, moment_s)
+        measured = _Rotations(
+            self._gyroscope.turns(sweep, moment_s), self._gyroscope.turn(sweep, *interval_s)
+        )
+        trusted = measured if self._gyroscope.is_good else _NOT_MEASURED
+        self._deskewing.turns = trusted.during
         motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
-        turn = self._gyroscope.turn(sweep, *interval_s)
-        expected = self._expected(before, interval_ns, turn)
         known: Floats = np.zeros((6, 6))
+        lost, turned = "", motion
         if motion is None:
-            motion, source, known = self._registered(last, before, sweep, expected, turn)
+            found = self._registered(last, before, sweep, measured)
+            if isinstance(found, Match):
+                source, motion, known = EgoSource.REGISTRATION, found.motion, found.found.covariance
+                self._deskewing.during, self._deskewing.expected = found.during, found.bending
+                self._registration.accept(found, sweep)
+                turned = motion
+            else:
+                source, lost, turned = EgoSource.LOST, found.reason, found.best
+                motion = self._guessed(before, interval_ns, trusted.since_last)
+                self._registration.start(sweep, before @ motion)
+                if found.next is not None:
+                    self._last_motion, self._last_interval_ns = found.next, interval_ns
         else:
-            self._map = None
-            self._bending = self._bent_by(sweep, motion, interval_ns)
-        if source is not EgoSource.LOST:
-            self._gyroscope.learn(sweep, *interval_s, motion[:3, :3])
+            self._registration.stop()
+            self._deskewing.expected = self._deskewing.of_step(sweep, motion, interval_ns)
+        if turned is not None:
+            self._gyroscope.learn(sweep, *interval_s, turned[:3, :3])
         # From an unknown pose, the motion to the next one is unknown, too.
-        was_guessed = self._last_pose.source is EgoSource.LOST
-        if source is not EgoSource.LOST and not (was_guessed and self._last_motion is None):
+        was_lost = self._last_pose.source is EgoSource.LOST
+        if not lost and not (was_lost and self._last_motion is None):
             self._last_motion = None if interval_ns < 0 else motion
             self._last_interval_ns = interval_ns
-            self._last_covariance = known + was_guessed * self._last_pose.step_covariance
+            self._last_covariance = known + was_lost * self._last_pose.step_covariance
         axes = six_axes(before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
-        lost = "the sweep does not match those before it" if source is EgoSource.LOST else ""
         return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep), lost)
 
     @property
@@ -211,76 +209,37 @@ class EgoMotion:
         return motion if is_possible else None
 
     def _registered(
-        self,
-        last: Sweep,
-        world_from_last: Floats,
-        sweep: Sweep,
-        expected: Placed | None,
-        turn: Floats | None,
-    ) -> tuple[Floats, EgoSource, Floats]:
-        """(4, 4) last_from_sweep, its source, and its covariance (6, 6) by the map.
+        self, last: Sweep, world_from_last: Floats, sweep: Sweep, measured: "_Rotations"
+    ) -> Match | Lost:
+        """A sweep registered with those before it.
 
-        If the measured turn does not fit, the sweep is registered without it.
+        If the measured rotation does not fit, the sweep is registered without it. One that is not
+        trusted yet is the last resort.
         """
-        if self._map is None:
+        if not self._registration.is_started:
             # Odometry was lost just now: the map starts with the last sweep at its pose.
-            self._map = self._map_of(last, world_from_last, self.motion_in(last))
-        match = self._matched(self._map, last, world_from_last, sweep, expected)
-        turns = self._turns
-        if turn is not None and not (match and fits(turn, match.motion[:3, :3])):
-            self._turns = None
-            guess = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns, None)
-            match = self._matched(self._map, last, world_from_last, sweep, guess)
-        if match is not None:
-            self._map, self._during, self._bending = match.map, match.during, match.bending
-            self._map.add(match.cloud, match.found)
-            return match.motion, EgoSource.REGISTRATION, match.found.covariance
-        self._turns = turns
-        pose = world_from_last if expected is None else expected.pose
-        # The sweep does not match the map: a new map starts with this sweep, unless it has too
-        # few points.
-        new_map = self._map_of(sweep, pose, self.motion_in(sweep))
-        self._map = self._map if new_map.is_empty else new_map
-        motion: Floats = np.linalg.inv(world_from_last) @ pose
-        return motion, EgoSource.LOST, np.zeros((6, 6))
-
-    def _matched(
-        self,
-        map_: SweepMatcher,
-        last: Sweep,
-        world_from_last: Floats,
-        sweep: Sweep,
-        expected: Placed | None,
-    ) -> "_Match | None":
-        """The pose of a sweep by the map, near an expected one; None if nothing fits.
-
-        With times of points, an unexpected motion changes the correction for the motion during the
-        sweep: the sweep is matched again with it.
-        """
-        interval_ns = sweep.stamp_ns - last.stamp_ns
-        bending = self.motion_in(sweep)
-        for _ in range(_MAX_ROUNDS):
-            cloud = map_.prepared(sweep, bending)
-            match = map_.match(cloud, expected)
-            if match is None:
-                return None
-            found, during = match, None
-            if bending is not None:
-                axes = six_axes(found.pose[:3, :3])
-                during = replace(bending, velocity=bending.velocity + axes.T @ found.velocity)
-            motion = np.linalg.inv(world_from_last) @ found.pose
-            refined = self._bent_by(sweep, motion, interval_ns)
-            if refined is None or (bending is not None and refined.is_like(bending)):
+            self._registration.start(last, world_from_last)
+        is_trusted = self._gyroscope.is_good
+        failures: list[Lost] = []
+        for rotations in (measured, _NOT_MEASURED) if is_trusted else (_NOT_MEASURED, measured):
+            if failures and measured.since_last is None:
                 break
-            if bending is None:
-                # The map has the last sweep uncorrected, because its motion was unknown.
-                map_ = self._map_of(last, world_from_last, refined)
-            expected, bending = expected or Placed(found.pose), refined
-        if refined is None:
-            refined = self._bending
-        elif bending is not None:
-            refined = bending.towards(refined)
-        return _Match(found, motion, cloud, map_, during, refined)
+            self._deskewing.turns, turn = rotations
+            expected = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns, turn)
+            found = self._registration.find(SweepPair(last, world_from_last, sweep, expected))
+            if isinstance(found, Match):
+                if turn is None or fits(turn, found.motion[:3, :3]):
+                    return found
+                found = Lost("turn rates contradict the clouds", found.motion)
+            failures.append(found)
+        self._deskewing.turns = measured.during if is_trusted else None
+        return failures[0]
+
+    def _guessed(self, world_from_last: Floats, interval_ns: int, turn: Floats | None) -> Floats:
+        """(4, 4) last_from_sweep if the last motion continues; no motion if it is not known."""
+        expected = self._expected(world_from_last, interval_ns, turn)
+        known = np.eye(4) if expected is None else np.linalg.inv(world_from_last) @ expected.pose
+        return np.asarray(known, np.float64)
 
     def _expected(
         self, world_from_last: Floats, elapsed_ns: int, turn: Floats | None
@@ -293,7 +252,7 @@ class EgoMotion:
             return None
         last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
-        motion = interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
+        motion = interpolated_pose(np.eye(4), self._last_motion, intervals)
         if turn is not None:
             motion = _turning_by(turn, motion)
         elapsed_s = elapsed_ns / NANOSECONDS if elapsed_ns > 0 else USUAL_INTERVAL_S
@@ -303,22 +262,9 @@ class EgoMotion:
         covariance = intervals**2 * self._last_covariance
         covariance[:3, :3] += axes @ change @ axes.T
         pose = world_from_last @ motion
-        return Placed(pose, covariance, velocity_covariance=self._velocity_covariance(pose))
-
-    def _velocity_covariance(self, pose: Floats) -> Floats:
-        """(6, 6) of the motion during a sweep at a pose, axes of the world; measured turns hold."""
-        if self._bending is None:
-            return KNOWN_VELOCITY
-        variance = self._bending.variance * ([1.0] * 3 + [self._turns is None] * 3)
-        axes = six_axes(pose[:3, :3])
-        return np.asarray(KNOWN_VELOCITY + axes @ np.diag(variance) @ axes.T, np.float64)
-
-    def _map_of(
-        self, sweep: Sweep, pose: Floats, motion: SweepMotion | None = None
-    ) -> SweepMatcher:
-        matcher = SweepMatcher(self._settings)
-        matcher.add(matcher.prepared(sweep, motion), Placed(pose))
-        return matcher
+        return Placed(
+            pose, covariance, velocity_covariance=self._deskewing.velocity_covariance(pose)
+        )
 
 
 class SensorPoses:

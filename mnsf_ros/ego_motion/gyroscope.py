@@ -36,12 +36,12 @@ class Gyroscope:
 
     def turn(self, sweep: Sweep, start_s: float, end_s: float) -> Floats | None:
         """Returns start_from_end (3, 3) between two times after the stamp; None if unknown."""
-        found = self._orientations(sweep, np.array([start_s, end_s])) if self._is_good else None
+        found = self._orientations(sweep, np.array([start_s, end_s])) if self._is_used else None
         return None if found is None else found[-1]
 
     def turns(self, sweep: Sweep, moment_s: float) -> Turns | None:
         """Returns the rotations during a sweep with times of points; None if unknown."""
-        if not self._is_good or sweep.times_s is None:
+        if not self._is_used or sweep.times_s is None:
             return None
         first_s, last_s = sweep.span_s
         even_s = np.linspace(first_s, last_s, NUM_TURNS)
@@ -63,13 +63,14 @@ class Gyroscope:
         does_fit = fits(found[-1], registered)
         if self._num_compared >= _NUM_FIRST and _MAX_SHARE * angle > _MIN_ANGLE:
             self._fits.append(does_fit)
-        if does_fit or not self._is_good:
+        if does_fit or not self.is_good:
             self._num_compared = min(self._num_compared + 1, _MEMORY)
             gain = 2.0 / (self._num_compared + 1)
             self._bias = self._bias - gain * missing / (end_s - start_s)
 
     @property
-    def _is_good(self) -> bool:
+    def is_good(self) -> bool:
+        """Whether the bias is known, and most of the last rotations fitted registered ones."""
         return self._num_compared >= _NUM_FIRST and 2 * sum(self._fits) >= len(self._fits)
 
     def _orientations(self, sweep: Sweep, times_s: Floats) -> Floats | None:

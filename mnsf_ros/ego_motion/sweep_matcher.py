@@ -16,7 +16,7 @@ from mnsf_ros.ego_motion.surface_map import Comparison, SurfaceMap
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep
 
 # A point this far from its surface counts half. At this width, traffic has little effect: of .04 to
 # .15, .05 gives the smallest errors in 336 random worlds, and with .04 registration fails in one.
@@ -37,12 +37,13 @@ KNOWN_VELOCITY: Final = 1e-8 * np.eye(6)
 # Of an unconstrained direction.
 _LEAST_CURVATURE: Final = 1e-6
 # Search range without an expected motion: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns
-# on the spot makes 10 degrees. Angles in degrees and shifts in metres are tried with some points;
-# the best ones are refined with all.
-_SEARCHED: Final = (
-    (np.zeros(1), np.linspace(-5.0, 5.0, 25)),
-    (np.linspace(-12.0, 12.0, 13), np.linspace(-1.0, 1.0, 5)),
-)
+# on the spot makes 120 degrees/s. Angles in degrees and shifts in metres are tried with some
+# points; the best ones are refined with all.
+_TURN_DEG_S: Final = 120.0
+_MAX_TURN_DEG: Final = 90.0
+_ANGLE_DEG: Final = 2.0
+_LONG_SHIFTS_M: Final = np.linspace(-5.0, 5.0, 25)
+_SHORT_SHIFTS_M: Final = np.linspace(-1.0, 1.0, 5)
 _SEARCH_POINTS: Final = 1000
 _SEARCH_STARTS: Final = 5
 # Fewer of the points in cells that were seen before are those of another place: .55 and more of the
@@ -76,12 +77,18 @@ class Placed:
 
 
 class SweepMatcher:
-    """Finds the pose of each sweep in the map of the sweeps before it."""
+    """Finds the pose of each sweep in the map of the sweeps before it.
+
+    Attributes:
+        last_cloud: The last sweep; None before the first one.
+        last_pose: (4, 4) its pose.
+    """
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
         self._map = SurfaceMap(settings.map_cell_m, settings.map_sweeps)
-        self._last_pose = np.eye(4)
+        self.last_pose = np.eye(4)
+        self.last_cloud: Cloud | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -100,22 +107,28 @@ class SweepMatcher:
         """Adds a sweep to the map."""
         if cloud is not None:
             self._map.add(cloud, cloud.poses(placed.pose, placed.velocity))
-            self._last_pose = placed.pose
+            self.last_pose, self.last_cloud = placed.pose, cloud
 
-    def match(self, cloud: Cloud | None, expected: Placed | None) -> Placed | None:
+    def match(
+        self,
+        cloud: Cloud,
+        expected: Placed | None,
+        elapsed_s: float = USUAL_INTERVAL_S,
+    ) -> Placed | None:
         """Returns the pose of a sweep.
 
-        The search starts from the expected pose, which is None if the motion is unknown. The
-        expected pose decides in directions that the map hardly constrains. Returns None if the map
-        does not know the place, or if both together do not constrain position and heading.
+        The search starts from the expected pose, which is None if the motion is unknown: then it
+        is as wide as the sensor may have turned since the last sweep. The expected pose decides in
+        directions that the map hardly constrains. Returns None if the map does not know the place,
+        or if both together do not constrain position and heading.
         """
-        if cloud is None or self.is_empty:
+        if self.is_empty:
             return None
         if expected is not None:
             found = _known(cloud, *self._near(cloud, expected))
             if found is not None:
                 return found
-        return self._searched(cloud)
+        return self._searched(cloud, elapsed_s)
 
     def share_matched(self, cloud: Cloud, expected: Floats) -> float:
         """Returns the share of the points on surfaces, at the best pose near an expected (4, 4)."""
@@ -133,21 +146,23 @@ class SweepMatcher:
         other = self._aligned(cloud, wide, expected)
         return max(found, other, key=lambda each: _posterior(each[0].pose, each[1], expected))
 
-    def _searched(self, cloud: Cloud) -> Placed | None:
+    def _searched(self, cloud: Cloud, elapsed_s: float) -> Placed | None:
         """The pose near the last one, None if the map does not know the place."""
-        starts = [Placed(start) for start in self._starts(cloud)]
+        starts = [Placed(start) for start in self._starts(cloud, elapsed_s)]
         wide = [self._aligned(cloud, start, start, _WIDE_M)[0] for start in starts]
         settled = [self._aligned(cloud, each, each) for each in wide]
         return _known(cloud, *max(settled, key=lambda found: _likelihood(found[1])))
 
-    def _starts(self, cloud: Cloud) -> list[Floats]:
+    def _starts(self, cloud: Cloud, elapsed_s: float) -> list[Floats]:
         """The last pose, and the most promising of many around it."""
         stride = max(1, cloud.num_standing // _SEARCH_POINTS)
         some = cloud.at_once(np.ascontiguousarray(cloud.upper.points[::stride]))
-        starts = [self._last_pose]
-        for angles_deg, shifts_m in _SEARCHED:
+        starts = [self.last_pose]
+        turn_deg = min(max(elapsed_s, USUAL_INTERVAL_S) * _TURN_DEG_S, _MAX_TURN_DEG)
+        turns_deg = np.linspace(-turn_deg, turn_deg, 2 * round(turn_deg / _ANGLE_DEG) + 1)
+        for angles_deg, shifts_m in ((np.zeros(1), _LONG_SHIFTS_M), (turns_deg, _SHORT_SHIFTS_M)):
             places = [
-                self._last_pose @ planar_pose(x, y, np.radians(angle))
+                self.last_pose @ planar_pose(x, y, np.radians(angle))
                 for angle, x, y in product(angles_deg, shifts_m, shifts_m)
             ]
             there = [self._map.compared(some, pose[None], _WIDE_M) for pose in places]

@@ -115,7 +115,11 @@ class ObjectFlowEstimator:
             prior = track_prior(tracks, objects, world_from_sensor, interval_s)
             wholes = scene.current.wholes[objects.numbers]
             table = ObjectTable.begun(objects, wholes, prior, scene.targets)
-            table = with_suspects(table, scene.targets, scene.settings.max_suspects)
+            if scene.targets.next.sweep.pose.lost:
+                # As if all moved: what does is not told apart. Tracks are predicted.
+                table = table.rejected(table.open_rows, Verdict.EGO_MOTION_LOST)
+            else:
+                table = with_suspects(table, scene.targets, scene.settings.max_suspects)
         table = self.find_motions(table, scene, clock)
         with clock.stage("gate"):
             table = with_verdicts(table, scene)

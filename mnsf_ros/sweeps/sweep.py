@@ -82,11 +82,15 @@ class Sweep:
         first_s, last_s = self.span_s
         return (first_s + last_s) / 2
 
+    def repeats(self, other: "Sweep") -> bool:
+        """Whether it has the points of another sweep, whatever its stamp."""
+        return self.fingerprint == other.fingerprint and np.array_equal(self.xyz, other.xyz)
+
     @cached_property
     def fingerprint(self) -> bytes:
         """8 bytes that are equal for equal clouds: of some points, and of their number.
 
-        Stamps do not count. Without noise a change of few points may go unnoticed.
+        Stamps do not count. Without noise a change of few points may go unnoticed: see `repeats`.
         """
         number = len(self)
         few = self.xyz[:: 1 + number // _NUM_PRINTED]

@@ -122,13 +122,18 @@ def test_without_times_or_deskewing_nothing_changes():
 
 class TestOddTimes:
     def test_some_sweeps_have_none(self):
+        """At 15 m/s such a sweep is bent by 1.5 m, and does not match one that is not."""
         sweeps = sweeps_of(steady, 8)
         for index in (0, 3, 4):
             sweeps[index] = replace(sweeps[index], times_s=None)
         found = poses_of(sweeps)
-        assert all(item.source is EgoSource.REGISTRATION for item in found[1:])
-        step = np.linalg.inv(found[6].world_from_sensor) @ found[7].world_from_sensor
-        assert distance_m(step, np.linalg.inv(steady(6)) @ steady(7)) < 0.05
+        assert all(item.source is EgoSource.REGISTRATION for item in found[6:])
+        for index in range(1, 8):
+            step = (
+                np.linalg.inv(found[index - 1].world_from_sensor) @ found[index].world_from_sensor
+            )
+            error_m = distance_m(step, np.linalg.inv(steady(index - 1)) @ steady(index))
+            assert error_m < (0.05 if index > 5 else 0.3) or found[index].lost
 
     def test_equal_stamps_leave_points_where_they_are(self):
         sweeps = [replace(sweep, stamp_ns=5) for sweep in sweeps_of(steady, 3)]

@@ -16,7 +16,7 @@ SETTINGS = EgoMotionSettings(source="odometry")
 def sweep_at(index):
     """Half a metre a sweep in a curve."""
     path = pose(0.5 * index, 0.1 * index, yaw_deg=2.0 * index)
-    return Sweep(np.zeros((1, 3), np.float32), index * INTERVAL_NS, "lidar", odometry=path)
+    return Sweep(np.full((1, 3), index, np.float32), index * INTERVAL_NS, "lidar", odometry=path)
 
 
 def check_motions(poses, sweeps):

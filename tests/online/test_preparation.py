@@ -18,7 +18,7 @@ SETTINGS = Settings()
 
 
 def sweep(index, **how):
-    return STREET.sweep(pose(0.5 * index, yaw_deg=2 * index), index, points_per_box=100, **how)
+    return STREET.sweep(pose(0.5 * index), index, points_per_box=100, **how)
 
 
 def pairs_of(sweeps):
