@@ -12,6 +12,7 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.errors import SettingsError, one_line
 from mnsf_ros.geometry.transforms import pose_matrix
+from mnsf_ros.node.diagnostics import NOT_LOST
 from mnsf_ros.node.parameters import RemoteParameters
 from mnsf_ros.node.raw_topics import RawTopics, message_class
 from mnsf_ros.settings import Settings, declared_setting
@@ -47,6 +48,7 @@ _VALUES: Final = {
     "own body": "own body",
     "source": "ego motion",
 }
+_LOST: Final = "lost"
 _ROUND_S: Final = 0.05
 _PARAMETERS_PERIOD_S: Final = 1.0
 _MAX_WAITING: Final = 5
@@ -112,7 +114,7 @@ class NodeView(PageView):
         if self._is_there and not is_there:
             text = f"{self._name} does not run (yet), or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
-            self._server.tell("status", latency=None, values={}, warnings=warnings)
+            self._server.tell("status", latency=None, values={}, warnings=warnings, lost="")
             self._wait(f"waiting for the node: {text}")
         self._is_there = is_there
         self._ros.spin_for(_ROUND_S)
@@ -204,7 +206,7 @@ class NodeView(PageView):
             item.key: item.value
             for one in own
             for item in one.values
-            if one.name.endswith(": flow") or item.key == "source"
+            if one.name.endswith(": flow") or item.key in ("source", _LOST)
         }
         warnings = [
             {"level": _LEVELS[one.level], "text": f"{one.name.rpartition(': ')[2]}: {one.message}"}
@@ -215,7 +217,14 @@ class NodeView(PageView):
         self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
         self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
-        self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
+        lost = known.get(_LOST, NOT_LOST)
+        self._server.tell(
+            "status",
+            latency=self._latency_ms,
+            values=values,
+            warnings=warnings,
+            lost="" if lost == NOT_LOST else lost,
+        )
 
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> DrawnSweep:
