@@ -33,8 +33,6 @@ CLOUDS_EMPTY: Final = "clouds_empty"
 CLOUDS_MISSED: Final = "clouds_missed"
 SWEEPS_LOST: Final = "sweeps_lost_in_transport"
 
-NOT_LOST: Final = "no"
-
 _ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
 # Signs that the node does what it should.
 _WELL: Final = (FLOWS_OUT, TRIPLETS_UNWATCHED)
@@ -252,16 +250,14 @@ class Diagnostics:
         few = snapshot.recent[-max(_NUM_NEWEST, self._new[FLOWS_OUT]) :]
         num_lost = sum(bool(item.lost) for item in few)
         lost = f"lost: {snapshot.lost}; nothing counts as moving until it is found again"
+        again = f"found again: it was lost in {num_lost} of the last {len(few)} sweeps"
+        is_resting = self._new[TRIPLETS_UNWATCHED] and not self._new[FLOWS_OUT]
         if snapshot.lost:
             self._faults.warn(f"ego motion {snapshot.lost}", f"ego motion is {lost}")
         level, message = _first(
-            (not newest, _OK, "not estimated"),
+            (not newest or is_resting, _OK, "not estimated"),
             (snapshot.lost, _ERROR, lost),
-            (
-                num_lost,
-                _WARN,
-                f"found again: it was lost in {num_lost} of the last {len(few)} sweeps",
-            ),
+            (num_lost, _WARN, again),
             (newest in (wanted, EgoSource.START.value), _OK, newest),
             (True, _WARN, f"degraded: no {wanted}, {newest} instead"),
         )
@@ -269,7 +265,7 @@ class Diagnostics:
         values = {
             "source": newest or "none",
             "wanted": wanted,
-            "lost": snapshot.lost or NOT_LOST,
+            "lost": snapshot.lost or "no",
             "lost for [s]": _number(0.0 if since_s is None else self._now_s - since_s),
             "sweeps lost, recent": sum(bool(item.lost) for item in snapshot.recent),
             **{f"{source}, recent": count for source, count in sorted(sources.items())},

@@ -12,7 +12,6 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.errors import SettingsError, one_line
 from mnsf_ros.geometry.transforms import pose_matrix
-from mnsf_ros.node.diagnostics import NOT_LOST
 from mnsf_ros.node.parameters import RemoteParameters
 from mnsf_ros.node.raw_topics import RawTopics, message_class
 from mnsf_ros.settings import Settings, declared_setting
@@ -37,7 +36,8 @@ _LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
 _QUESTIONS: Final = ("/explain", "geometry_msgs/msg/PointStamped")
 _ANSWERS: Final = "/explanation"
 _STATUSES: Final = "diagnostic_msgs/msg/DiagnosticArray"
-_LEVELS: Final = {b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+_ERROR: Final = b"\x02"
+_LEVELS: Final = {b"\x01": "warning", _ERROR: "error", b"\x03": "stale"}
 # Key of a diagnostic status to its name on the page.
 _VALUES: Final = {
     "latency median [ms]": "latency, median (ms)",
@@ -206,7 +206,7 @@ class NodeView(PageView):
             item.key: item.value
             for one in own
             for item in one.values
-            if one.name.endswith(": flow") or item.key in ("source", _LOST)
+            if one.name.endswith(": flow") or item.key == "source"
         }
         warnings = [
             {"level": _LEVELS[one.level], "text": f"{one.name.rpartition(': ')[2]}: {one.message}"}
@@ -217,13 +217,14 @@ class NodeView(PageView):
         self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
         self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
-        lost = known.get(_LOST, NOT_LOST)
+        lost = [item.value for one in own for item in one.values if item.key == _LOST]
+        is_lost = any(one.name.endswith(": ego motion") and one.level == _ERROR for one in own)
         self._server.tell(
             "status",
             latency=self._latency_ms,
             values=values,
             warnings=warnings,
-            lost="" if lost == NOT_LOST else lost,
+            lost=lost[0] if lost and is_lost else "",
         )
 
 

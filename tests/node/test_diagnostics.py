@@ -294,6 +294,10 @@ def test_lost_ego_motion_is_an_error_while_it_lasts_and_then_a_warning(story):
     assert goes_on(30)[0] == OK
     story.estimate(ego_source="lost", lost="clouds repeat")
     assert goes_on(30) == (WARN, again.format(1, 31))
+    # Nobody knows it while nobody subscribes.
+    assert goes_on(1, "clouds repeat")[0] == ERROR
+    story.receive("triplets_unwatched")
+    assert goes_on(0) == (OK, "not estimated")
 
 
 def test_findings_are_said_by_the_worst_of_them(story):

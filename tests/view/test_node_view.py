@@ -215,8 +215,9 @@ def test_lost_ego_motion_of_a_node_is_said_while_it_lasts(address: str) -> None:
         closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer,
     ):
         publisher = ros.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
-        for value, wanted in (("clouds repeat", "clouds repeat"), ("no", "")):
-            status = DiagnosticStatus(name="front: ego motion")
+        error, ok = DiagnosticStatus.ERROR, DiagnosticStatus.OK
+        for level, value, wanted in ((error, "clouds repeat", "clouds repeat"), (ok, "no", "")):
+            status = DiagnosticStatus(name="front: ego motion", level=level, message="lost")
             status.values = [KeyValue(key="lost", value=value)]
             raw, lost = serialize_message(DiagnosticArray(status=[status])), None
             give_up_s = time.monotonic() + PATIENCE_S
@@ -227,7 +228,9 @@ def test_lost_ego_motion_of_a_node_is_said_while_it_lasts(address: str) -> None:
                 with suppress(TimeoutError):
                     while isinstance(text := viewer.recv(timeout=0), str):
                         message = json.loads(text)
-                        if message["kind"] == "status" and not message["warnings"]:
+                        # Before that, the node itself is missing.
+                        texts = {item["text"] for item in message.get("warnings", ())}
+                        if message["kind"] == "status" and texts <= {"ego motion: lost"}:
                             lost = message["lost"]
 
 
