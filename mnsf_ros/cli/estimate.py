@@ -27,9 +27,10 @@ def add_estimate(arguments: Arguments) -> str:
     return """\
 OUT has the topics of the node: /scene_flow/flow (all points, with colours),
 /scene_flow/flow/moving, /scene_flow/objects, /scene_flow/objects/markers,
-/scene_flow/predicted and /scene_flow/ego_motion (poses with their covariance;
-no twist). Foxglove opens it with the layout config/foxglove.json, beside the
-recording where its other topics are wanted.
+/scene_flow/predicted, /scene_flow/ego_motion (poses with their covariance; no
+twist) and, for each sweep, /scene_flow/ego_motion/source. Foxglove opens it
+with the layout config/foxglove.json, beside the recording where its other
+topics are wanted.
 
 Example:
   mnsf estimate street --out street_flow.mcap
@@ -55,7 +56,7 @@ def run_estimate(options: argparse.Namespace) -> int:
             task = progress.add_task(
                 f"estimating {topics.points}", total=reader.topics[topics.points].count
             )
-            number, is_whole = write_estimated(
+            written = write_estimated(
                 reader,
                 topics,
                 options.out,
@@ -64,5 +65,9 @@ def run_estimate(options: argparse.Namespace) -> int:
                 lambda done: progress.update(task, completed=done),
                 overwrite=options.force,
             )
+    number, lost = written.num_flows, written.lost
     Console().say(f"{options.out}: {number} sweep{'s'[: number != 1]} with flow")
-    return 0 if is_whole else EXIT_INCOMPLETE
+    if lost:
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in lost.most_common())
+        console.warn(f"the ego motion is lost in {lost.total()} of them: {reasons}")
+    return 0 if written.is_whole else EXIT_INCOMPLETE

@@ -1,7 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow of a recording, as a recording with the topics of the node."""
 
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +16,7 @@ from mnsf_ros.evaluation.tracks import recorded_clouds
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.messages import Messages
 from mnsf_ros.settings import Settings
 from mnsf_ros.stream.stream import Stream
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -28,6 +31,21 @@ _NODE: Final = "/scene_flow"
 _MAX_WARNINGS: Final = 3
 
 
+@dataclass(frozen=True)
+class EstimatedRecording:
+    """What was written.
+
+    Attributes:
+        num_flows: Number of sweeps with flow.
+        lost: Why the ego motion was lost to the number of sweeps with flow where it was.
+        is_whole: Whether the recording that was read is undamaged.
+    """
+
+    num_flows: int
+    lost: Counter[str]
+    is_whole: bool
+
+
 def write_estimated(
     reader: BagReader,
     topics: UsedTopics,
@@ -37,19 +55,17 @@ def write_estimated(
     done: Callable[[int], None] = lambda _: None,
     *,
     overwrite: bool = False,
-) -> tuple[int, bool]:
+) -> EstimatedRecording:
     """Estimates the sweeps of a recording and writes to the target what the node would publish.
 
     Sweeps without flow and damaged parts are left out; `warn` gets a line for each. `done` gets the
     number of sweeps read so far.
 
-    Returns:
-        Number of sweeps with flow, and whether the recording is undamaged.
-
     Raises:
         RecordingError: No sweep has a flow, or the target cannot be written.
     """
     findings, num_estimated, failures = Findings(), 0, list[str]()
+    lost = Counter[str]()
 
     def fail(text: str) -> None:
         failures.append(text)
@@ -64,6 +80,8 @@ def write_estimated(
             if len(sweep) and (found := pushed(stream, sweep, fail)) is not None:
                 _write(writer, *found, settings)
                 num_estimated += 1
+                if (known := found[1].over_ground) is not None and known.lost:
+                    lost[known.lost] += 1
         if num_estimated == 0:
             reason = failures[-1] if failures else "three sweeps in a row are needed"
             raise RecordingError(f"{reader.path}: no sweep of {topics.points} has a flow: {reason}")
@@ -71,7 +89,8 @@ def write_estimated(
         warn(f"and {len(failures) - _MAX_WARNINGS} more sweeps without flow")
     for damage in findings.damages:
         warn(str(damage))
-    return num_estimated, not (reader.damages or findings.damages)
+    is_whole = not (reader.damages or findings.damages)
+    return EstimatedRecording(num_estimated, lost, is_whole)
 
 
 def _write(
@@ -92,8 +111,11 @@ def _write(
     )
     if settings.tf.broadcast:
         writer.write_transforms(stamp_ns, {frames: known.world_from_sensor})
+    source = Messages("std_msgs").String(data=known.source)
+    writer.write_message(f"{_NODE}/ego_motion/source", source, stamp_ns)
     if known.track_ids is not None:
         writer.write_objects(f"{_NODE}/objects", known.objects, stamp_ns, frame_id)
+    if known.track_ids is not None and not known.lost:
         predicted = predicted_columns(known.objects, settings.output.horizon_s)
         encoded = encode_columns(predicted, 1, len(predicted["x"]))
         writer.write_cloud(f"{_NODE}/predicted", encoded, stamp_ns, frame_id)

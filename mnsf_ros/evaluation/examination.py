@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Examination of a stream: properties of its clouds, and those that do not suit the method."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,6 +58,8 @@ class Examiner:
         self._stream = Stream(settings.changed(source), "online")
         self.check = InputCheck(settings, self._stream.mounting, self._stream.rotation)
         self.findings = Findings(mounting=self._stream.mounting, input_check=self.check)
+        self._num_located = 0
+        self._lost: list[tuple[float, str]] = []  # stamp in seconds, and why
 
     def add(self, sweep: Sweep) -> None:
         """Takes the next sweep."""
@@ -70,6 +73,9 @@ class Examiner:
             own_body = chosen_points(sweep.xyz, current.own)
             located = Located(sweep, pose.world_from_stamp, pose.source.value, own_body)
             self.check.locate(located)
+            self._num_located += 1
+            if pose.lost:
+                self._lost.append((sweep.stamp_ns / NANOSECONDS, pose.lost))
 
     def examination(self, about: Mapping[str, str], notes: Iterable[str]) -> Examination:
         """Returns the result, with facts about the source of the clouds, and notes."""
@@ -77,6 +83,8 @@ class Examiner:
         if num_clouds < _LEAST_CLOUDS:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
             found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
+        if self._lost:
+            found.insert(0, _lost_finding(self._lost, self._num_located))
         return Examination({**about, **self.check.facts()}, found, [*notes])
 
 
@@ -103,6 +111,20 @@ def examined(
     damages = [*dict.fromkeys((*reader.damages, *findings.damages))]
     found = examiner.examination(about, (*map(plain_text, damages[1:]), *events))
     return replace(found, findings=[*_damage(damages), *found.findings])
+
+
+def _lost_finding(lost: Sequence[tuple[float, str]], number: int) -> Finding:
+    (first_s, _), reasons = lost[0], Counter(reason for _, reason in lost)
+    text = ", ".join(f"{reason} ({count:,})" for reason, count in reasons.most_common())
+    return Finding(
+        "the ego motion is known",
+        Severity.ERROR,
+        f"the ego motion is lost in {len(lost):,} of {number:,} sweeps, first at {first_s:.3f} s: "
+        f"{text}",
+        "Check there for gaps between the clouds, a driver that repeats a cloud, and stamps; where "
+        "too little stands around, take odometry (ego_motion.source). Meanwhile nothing counts as "
+        "moving",
+    )
 
 
 def _damage(damages: Sequence[Damage]) -> Iterator[Finding]:

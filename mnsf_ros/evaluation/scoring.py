@@ -51,6 +51,7 @@ class ResultRow:
     sums: Sums = field(default_factory=dict)  # see `argoverse_metrics`
     consistency: dict[str, float] = field(default_factory=dict)  # see `landing_distances`
     latency_ms: float = math.nan  # from the arrival of the next sweep to the flow, in real time
+    lost: str = ""  # why the ego motion is not known; empty if it is
     start: str = ""  # of the estimate, warm or cold and why; empty if the method has none
     failure: str | None = None  # reason for a missing flow, in one line
     movers: MoverRow | None = None  # with truth, of methods that find movers
@@ -116,6 +117,7 @@ def scored_row(
         stage_times_ms=dict(estimate.times_ms),
         stop_reasons=estimate.stop_reasons,
         iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
+        lost=estimate.over_ground.lost if estimate.over_ground else "",
         start=estimate.start.value if estimate.fits or estimate.over_ground else "",
     )
     answered = _answered(example, estimate)

@@ -6,8 +6,8 @@ Columns are named like the fields of a row in `rows.jsonl`, nested ones with dot
 means over the examples with a flow, each example counting the same, NaN where no example has a
 value; numbers of points are sums. It adds
 
-* `num_examples`, `num_failed`, `num_dropped`, `num_warm` (warm starts) and `num_out_of_time`
-  (optimizations ended by their time budget);
+* `num_examples`, `num_failed`, `num_dropped`, `num_lost` (ego motion lost), `num_warm` (warm
+  starts) and `num_out_of_time` (optimizations ended by their time budget);
 * `three_way.GROUP`, `bucketed.CLASS.dynamic` or `.static`, and `range_wise.NAME`, see
   `argoverse_metrics`;
 * `movers.FIGURE`, see `_summarize_movers`.
@@ -96,6 +96,7 @@ def _further(rows: Sequence[ResultRow]) -> dict[str, float]:
         "num_examples": len(good),
         "num_failed": sum(row.has_failed for row in rows),
         "num_dropped": sum(row.is_dropped for row in rows),
+        "num_lost": sum(bool(row.lost) for row in good),
         "num_warm": sum(row.start == "warm" for row in good),
         "num_out_of_time": stop_reasons.count(_OUT_OF_TIME),
         **over_all_points(row.sums for row in good),

@@ -82,10 +82,15 @@ class OdometryFit(Assumption):
             return
         differences_m, own_m, registered_m = np.array(self._steps).T
         contradicted = own_m > _LONGER * registered_m
+        confirmed = registered_m > _LONGER * own_m
         num_compared = np.count_nonzero(np.isfinite(own_m))
         # Steps that differ little are not compared, and fit.
         differing = np.mean(differences_m > _MIN_DIFFERENCE_M)
         share = float(differing * np.count_nonzero(contradicted) / max(num_compared, 1))
+        text = (
+            f"odometry and registration differ in {differing:.0%} of the sweeps, by "
+            f"{np.median(differences_m):.2f} m in the median"
+        )
         if share > _MAX_SHARE:
             yield Finding(
                 _ASSUMPTION,
@@ -96,6 +101,24 @@ class OdometryFit(Assumption):
                 f"{np.median(registered_m[contradicted]):.2f} m under registration",
                 "Set ego_motion.source=registration, until the stamps of the odometry and the pose "
                 "of the sensor (ego_motion.sensor_x_m and others) are corrected",
+            )
+        elif differing > _MAX_SHARE and 2 * np.count_nonzero(confirmed) > num_compared:
+            yield Finding(
+                _ASSUMPTION,
+                Severity.ERROR,
+                f"{text}, and static points fit odometry: they are off by "
+                f"{np.median(own_m[confirmed]):.2f} m under it, by "
+                f"{np.median(registered_m[confirmed]):.2f} m under registration",
+                "Set ego_motion.source=odometry, or check for gaps between the clouds",
+            )
+        elif differing > _MAX_SHARE:
+            yield Finding(
+                _ASSUMPTION,
+                Severity.WARNING,
+                f"{text}, and the clouds do not tell which is right",
+                "Check for gaps between the clouds, the stamps of both, and the pose of the sensor "
+                "(ego_motion.sensor_x_m and others); in tunnels and bare corridors odometry is "
+                "right (ego_motion.source=odometry)",
             )
 
 

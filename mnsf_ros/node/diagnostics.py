@@ -50,6 +50,9 @@ REASONS: Final = {
 }
 
 _LOST_SHARE: Final = 0.2  # of clouds lost to sweeps received; above it is an error
+# Sweeps without ego motion are told as long as they are among so many, or among those since the
+# last statuses if these are more.
+_NUM_NEWEST: Final = 10
 _WINDOW_S: Final = 10.0  # of rates
 # Nodes need a while to find each other, and a program that publishes a recording to start.
 FIRST_PATIENCE_S: Final = 10.0
@@ -244,14 +247,27 @@ class Diagnostics:
     def _ego_motion_status(self, snapshot: StatisticsSnapshot, wanted: str) -> DiagnosticStatus:
         sources = Counter(item.ego_source for item in snapshot.recent if item.ego_source)
         newest = snapshot.recent[-1].ego_source if snapshot.recent else ""
+        few = snapshot.recent[-max(_NUM_NEWEST, self._new[FLOWS_OUT]) :]
+        num_lost = sum(bool(item.lost) for item in few)
+        lost = f"lost: {snapshot.lost}; nothing counts as moving until it is found again"
+        again = f"found again: it was lost in {num_lost} of the last {len(few)} sweeps"
+        is_resting = self._new[TRIPLETS_UNWATCHED] and not self._new[FLOWS_OUT]
+        if snapshot.lost:
+            self._faults.warn(f"ego motion {snapshot.lost}", f"ego motion is {lost}")
         level, message = _first(
-            (not newest, _OK, "not estimated"),
+            (not newest or is_resting, _OK, "not estimated"),
+            (snapshot.lost, _ERROR, lost),
+            (num_lost, _WARN, again),
             (newest in (wanted, EgoSource.START.value), _OK, newest),
             (True, _WARN, f"degraded: no {wanted}, {newest} instead"),
         )
+        since_s = snapshot.lost_since_s
         values = {
             "source": newest or "none",
             "wanted": wanted,
+            "lost": snapshot.lost or "no",
+            "lost for [s]": _number(0.0 if since_s is None else self._now_s - since_s),
+            "sweeps lost, recent": sum(bool(item.lost) for item in snapshot.recent),
             **{f"{source}, recent": count for source, count in sorted(sources.items())},
         }
         return self._status("ego motion", level, message, values)

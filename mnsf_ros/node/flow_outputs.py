@@ -98,6 +98,9 @@ class FlowOutputs:
             return
         for publisher, make in self._objects:
             _send(publisher, partial(make, header, known.objects))
+        if known.lost:
+            # Where objects are now is not known: costmaps keep what was marked last.
+            return
         predicted = partial(predicted_columns, known.objects, output.horizon_s)
         _send(self._predicted, lambda: cloud_of(header, predicted()))
         _send(self._clearing, lambda: cloud_of(header, clearing_columns(sweep.mounting)))

@@ -21,6 +21,9 @@ from mnsf_ros.sweeps_io.object_markers import Message, Messages, set_yaw
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import encode_columns
 
+# Of objects that are only predicted; of those that are seen it is 1.
+_PREDICTED_SCORE: Final = 0.5
+
 Objects: TypeAlias = Sequence[TrackedObject]
 MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
 
@@ -87,7 +90,7 @@ def _autoware_detected(messages: Messages, _run: UUID, item: TrackedObject) -> M
 
 def _in_autoware(messages: Messages, found: Message, item: TrackedObject) -> Message:
     """What both messages share; twist and footprint are in the axes of the object."""
-    found.existence_probability = 1.0
+    found.existence_probability = _score(item)
     found.classification = [
         messages.ObjectClassification(label=messages.ObjectClassification.UNKNOWN, probability=1.0)
     ]
@@ -116,7 +119,7 @@ def _polygon(corners: Floats) -> list[Point32]:
 
 
 def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Message:
-    found = messages.Obstacle(score=1.0)
+    found = messages.Obstacle(score=_score(item))
     found.uuid.uuid = _uuid(item, run)
     place, speed, size = found.position, found.velocity, found.size
     place.x, place.y, place.z = item.center.tolist()
@@ -137,7 +140,7 @@ def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Messag
 def _detection(messages: Messages, _run: UUID, item: TrackedObject) -> Message:
     """A vision_msgs/Detection3D, which has no velocity."""
     hypothesis = messages.ObjectHypothesisWithPose()
-    hypothesis.hypothesis.class_id, hypothesis.hypothesis.score = "dynamic", 1.0
+    hypothesis.hypothesis.class_id, hypothesis.hypothesis.score = "dynamic", _score(item)
     hypothesis.pose.covariance = _in_six(item.covariance[:3, :3])
     found = messages.Detection3D(id=str(item.track_id), results=[hypothesis])
     for pose in (hypothesis.pose.pose, found.bbox.center):
@@ -161,6 +164,10 @@ _OPTIONAL: Final = {
     "~/objects/detections": ("vision_msgs", "Detection3DArray", "detections", _detection),
     "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", "obstacles", _nav2_obstacle),
 }
+
+
+def _score(item: TrackedObject) -> float:
+    return 1.0 if item.num_points else _PREDICTED_SCORE
 
 
 def _uuid(item: TrackedObject, run: UUID) -> NDArray[np.uint8]:

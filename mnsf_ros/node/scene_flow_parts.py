@@ -50,6 +50,7 @@ class SceneFlowParts:
         self._logger = node.get_logger()
         self._faults = faults
         self._mounting = ""  # as logged last
+        self._lost = ""  # as told last
         try:
             self._join_topics(pause)
         except RuntimeError as error:
@@ -122,7 +123,7 @@ class SceneFlowParts:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         for period_s, callback in (
-            (_REFRESH_PERIOD_S, self._input.refresh),
+            (_REFRESH_PERIOD_S, self._refresh),
             (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
             (RETURN_PERIOD_S, return_memory),
         ):
@@ -189,11 +190,18 @@ class SceneFlowParts:
             return
         self._faults.unexpected(text, error)
 
+    def _refresh(self) -> None:
+        self._input.refresh()
+        # Whoever relies on the flow must not wait for the next diagnostics.
+        if self._pipeline.statistics.snapshot().lost != self._lost:
+            self._publish_diagnostics()
+
     def _publish_diagnostics(self) -> None:
-        message = DiagnosticArray()
+        message, snapshot = DiagnosticArray(), self._pipeline.statistics.snapshot()
+        self._lost = snapshot.lost
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
-            self._pipeline.statistics.snapshot(),
+            snapshot,
             replace(self._input.state, mounting=self._pipeline.mounting.text),
             self._pipeline.load,
             self._settings,

@@ -28,6 +28,7 @@ _MOVERS: Final = {name: f"movers.{name}" for name in (*CALLED_DYNAMIC, *TRACKED)
     for kind, group in (("fast", FAST), ("slow", SLOW))
     for key in ("found", "flicker", "delay_s")
 }
+_LOST: Final = "num_lost"
 # Facts of the sessions, by their names in the file.
 _FACTS: Final = {
     "mnsf_ros_version": "mnsf_ros",
@@ -76,7 +77,8 @@ def results_csv(results: RunResults) -> str:
     """Returns one line for each method and group of points: of all recordings, then of each.
 
     The column `recording` is empty for all recordings together. Settings, versions and machine are
-    the same on every line of a method; the scores of movers, which come last, are for all points.
+    the same on every line of a method; the scores of movers, which come last but for the number of
+    sweeps without ego motion, are for all points.
     """
     methods = dict.fromkeys((*results.record.method_names, *results.summary.index))
     origins = {name: _origin(results.record, name) for name in methods}
@@ -85,12 +87,14 @@ def results_csv(results: RunResults) -> str:
         | line
         | origins[method]
         | {name: own.get(key) for name, key in _MOVERS.items()}
+        | {_LOST: int(own[_LOST])}
         for recording, summary in {"": results.summary, **results.by_recording}.items()
         for method, own in summary.iterrows()
         for line in _lines(own)
     ]
     origin = next(iter(origins.values()), {})
-    names = ["recording", "method", "points", *_COUNTS, *ERRORS, *_FIGURES, *origin, *_MOVERS]
+    first = ("recording", "method", "points", *_COUNTS, *ERRORS, *_FIGURES)
+    names = [*first, *origin, *_MOVERS, _LOST]
     # As objects: a missing value would turn the whole numbers of its column into floats.
     table = pd.DataFrame(lines, columns=names, dtype=object)
     return table.to_csv(index=False, lineterminator="\n")

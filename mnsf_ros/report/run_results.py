@@ -163,6 +163,7 @@ def _notes_of(run: RunRecord, rows: Sequence[ResultRow]) -> list[Note]:
         *(Note(f"Damage: {damage}", is_incomplete=True) for damage in damages),
         *_without_example(run),
         *_failures(rows),
+        *_losses(rows),
         *_recordings_without(run, rows),
         *_findings(run),
         *(
@@ -215,6 +216,22 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
         names = dict.fromkeys(row.recording for row in failed)
         lost = [name for name in names if (method, name) not in answered]
         yield Note(f"{text} No flow at all: {_listed(lost)}." if lost else text, bool(lost))
+
+
+def _losses(rows: Sequence[ResultRow]) -> Iterator[Note]:
+    """Yields a note for each method and recording whose ego motion was lost."""
+    tasks: dict[tuple[str, str], list[ResultRow]] = {}
+    for row in rows:
+        if row.failure is None:
+            tasks.setdefault(row.task, []).append(row)
+    for (recording, method), own in tasks.items():
+        if lost := [row for row in own if row.lost]:
+            reasons = Counter(row.lost for row in lost).most_common()
+            yield Note(
+                f"{method}: ego motion lost in {len(lost):,} of {len(own):,} sweeps of "
+                f"{recording}, first in sweep {lost[0].number}: "
+                f"{', '.join(f'{reason} ({count:,})' for reason, count in reasons)}."
+            )
 
 
 def _findings(run: RunRecord) -> Iterator[Note]:

@@ -72,6 +72,7 @@ _WORK: Final = {
     "num_examples": Column("flows", None),
     "num_failed": Column("failed", None),
     "num_dropped": Column("dropped", None),
+    "num_lost": Column("ego motion lost", None),
     "time_ms": _TIME,
     "latency_ms": Column("latency (ms)", 0),
     "num_warm": Column("warm starts", None),

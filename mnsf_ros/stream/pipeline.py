@@ -225,6 +225,12 @@ class RecentEstimate:
         known = self.estimate.over_ground
         return "" if known is None else known.source
 
+    @property
+    def lost(self) -> str:
+        """Why the ego motion is lost; empty if it is not, or is not estimated."""
+        known = self.estimate.over_ground
+        return "" if known is None else known.lost
+
 
 @dataclass(frozen=True)
 class StatisticsSnapshot:
@@ -235,6 +241,12 @@ class StatisticsSnapshot:
     recent: tuple[RecentEstimate, ...] = ()  # oldest first
     last_failure: str = ""  # of an estimate; empty if there was none
     failures_in_a_row: int = 0  # since the last estimate that did not fail
+    lost_since_s: float | None = None  # by `time.monotonic()`; None if the ego motion is known
+
+    @property
+    def lost(self) -> str:
+        """Why the ego motion of the newest flow is lost; empty if it is not."""
+        return self.recent[-1].lost if self.recent else ""
 
     def latency_ms(self, percentile: float) -> float:
         """Percentile of the recent latencies; NaN if there are none."""
@@ -273,7 +285,8 @@ class StreamStatistics:
         item = RecentEstimate(latency_ms, estimate.part(_NO_POINT))
         with self._lock:
             recent = (*self._now.recent, item)[-_WINDOW:]
-            self._now = replace(self._now, recent=recent, failures_in_a_row=0)
+            since_s = (self._now.lost_since_s or time.monotonic()) if item.lost else None
+            self._now = replace(self._now, recent=recent, failures_in_a_row=0, lost_since_s=since_s)
 
     def snapshot(self) -> StatisticsSnapshot:
         """All of it as of now."""

@@ -25,6 +25,8 @@ def objects_markers(
 ) -> Message:
     """Returns boxes, arrows of one second of motion, and labels, in place of all earlier ones.
 
+    Objects that are only predicted are fainter, and their labels say so.
+
     Args:
         messages: visualization_msgs.msg, or `Messages` of that package.
         header: Of the sweep.
@@ -46,7 +48,7 @@ def set_yaw(orientation: Message, yaw: float) -> None:
 
 def _box(messages: Messages, item: TrackedObject) -> Message:
     marker = _marker(messages, item, "box", messages.Marker.CUBE)
-    marker.color.a = 0.4
+    marker.color.a = 0.4 if item.num_points else 0.15
     set_yaw(marker.pose.orientation, item.yaw)
     marker.scale.x, marker.scale.y, marker.scale.z = (
         max(float(extent), _SMALLEST_M) for extent in item.size
@@ -68,6 +70,7 @@ def _arrow(messages: Messages, item: TrackedObject) -> Message:
 def _label(messages: Messages, item: TrackedObject) -> Message:
     marker = _marker(messages, item, "label", messages.Marker.TEXT_VIEW_FACING)
     marker.text = f"{item.track_id}: {math.hypot(*item.velocity.tolist()):.1f} m/s"
+    marker.text += "" if item.num_points else ", predicted"
     marker.pose.position.z += float(item.size[2]) / 2 + _TEXT_HEIGHT_M
     marker.scale.z = _TEXT_HEIGHT_M
     return marker

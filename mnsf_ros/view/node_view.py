@@ -36,7 +36,8 @@ _LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
 _QUESTIONS: Final = ("/explain", "geometry_msgs/msg/PointStamped")
 _ANSWERS: Final = "/explanation"
 _STATUSES: Final = "diagnostic_msgs/msg/DiagnosticArray"
-_LEVELS: Final = {b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+_ERROR: Final = b"\x02"
+_LEVELS: Final = {b"\x01": "warning", _ERROR: "error", b"\x03": "stale"}
 # Key of a diagnostic status to its name on the page.
 _VALUES: Final = {
     "latency median [ms]": "latency, median (ms)",
@@ -47,6 +48,7 @@ _VALUES: Final = {
     "own body": "own body",
     "source": "ego motion",
 }
+_LOST: Final = "lost"
 _ROUND_S: Final = 0.05
 _PARAMETERS_PERIOD_S: Final = 1.0
 _MAX_WAITING: Final = 5
@@ -112,7 +114,7 @@ class NodeView(PageView):
         if self._is_there and not is_there:
             text = f"{self._name} does not run (yet), or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
-            self._server.tell("status", latency=None, values={}, warnings=warnings)
+            self._server.tell("status", latency=None, values={}, warnings=warnings, lost="")
             self._wait(f"waiting for the node: {text}")
         self._is_there = is_there
         self._ros.spin_for(_ROUND_S)
@@ -215,7 +217,15 @@ class NodeView(PageView):
         self._wait(f"waiting for {self._topics['/flow']}: {worst.message}")
         self._take_own_body(known.get("own body boxes", ""))
         values = {text: known[key] for key, text in _VALUES.items() if key in known}
-        self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
+        lost = [item.value for one in own for item in one.values if item.key == _LOST]
+        is_lost = any(one.name.endswith(": ego motion") and one.level == _ERROR for one in own)
+        self._server.tell(
+            "status",
+            latency=self._latency_ms,
+            values=values,
+            warnings=warnings,
+            lost=lost[0] if lost and is_lost else "",
+        )
 
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> DrawnSweep:

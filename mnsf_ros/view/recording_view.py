@@ -256,10 +256,15 @@ class RecordingView(PageView):
         values = {
             "points": f"{len(sweep.example.triplet.current):,}",
             "dynamic objects": "unknown" if known is None else str(len(known.objects)),
+            "ego motion": "unknown" if known is None else known.source,
             "own body": estimate.own_body_text,
             "estimate": f"{estimate.time_ms:.0f} ms",
         }
         self._take_own_body(boxes_around(estimate.own_body))
         self._server.tell(
-            "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
+            "status",
+            latency=estimate.time_ms,
+            values=values,
+            warnings=list(self._warnings),
+            lost="" if known is None else known.lost,
         )

@@ -5,9 +5,12 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from box_street import BoxStreet, pose, unrelated_sweep
 
 from mnsf_ros.cli import main
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -120,3 +123,36 @@ def test_a_recording_is_not_written_under_the_name_of_another_format(tmp_path, c
     status, _, text = said(capsys, "simulate", tmp_path / "street.db3")
     assert status == 2
     assert "name a folder, or a file that ends in .mcap" in text
+
+
+def test_sweeps_without_ego_motion_are_an_error(tmp_path, capsys):
+    street, path = BoxStreet(), tmp_path / "lost"
+    with BagWriter(path) as writer:
+        for index in range(10):
+            xyz = (
+                unrelated_sweep(6).xyz if index == 6 else street.xyz(pose(0.6 * index), seed=index)
+            )
+            columns = {axis: xyz[:, i].astype(np.float32) for i, axis in enumerate("xyz")}
+            cloud = encode_columns(columns, 1, len(xyz))
+            writer.write_cloud("/points", cloud, 10**9 + index * 10**8, LIDAR_FRAME)
+    status, text, _ = said(capsys, "doctor", path)
+    assert status == 1
+    assert (
+        "error: the ego motion is lost in 2 of 8 sweeps, first at 1.600 s: the sweep does not "
+        "match those before it (2)\n  Check there for gaps"
+    ) in text
+    out = tmp_path / "flow.mcap"
+    status, text, error = said(capsys, "estimate", path, "--out", out)
+    assert status == 0
+    assert text.endswith("flow.mcap: 8 sweeps with flow\n")
+    assert "the ego motion is lost in 2 of them: the sweep does not match" in error
+    with BagReader(out) as reader:
+        sources = [one.data for one in reader.messages("/scene_flow/ego_motion/source")]
+        assert sources == [*4 * ["registration"], "lost", "lost", *2 * ["registration"]]
+        assert reader.topics["/scene_flow/predicted"].count == 6
+        assert reader.topics["/scene_flow/objects"].count == 8
+    status, _, _ = said(capsys, "evaluate", path, "--methods=online", f"--out={tmp_path / 'run'}")
+    assert status == 0
+    table = pd.read_csv(tmp_path / "run" / "results.csv")
+    assert table["num_lost"].tolist() == [2, 2]
+    assert "ego motion lost in 2 of 8 sweeps" in (tmp_path / "run" / "results.md").read_text()

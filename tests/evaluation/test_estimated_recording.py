@@ -15,7 +15,10 @@ from mnsf_ros.sweeps_io.flow_cloud import CloudReader
 from msg_utils.point_cloud2 import decode_points, encode_columns
 
 NODE = "/scene_flow"
-TOPICS = ("flow", "flow/moving", "objects", "objects/markers", "predicted", "ego_motion")
+TOPICS = (
+    *("flow", "flow/moving", "objects", "objects/markers", "predicted"),
+    *("ego_motion", "ego_motion/source"),
+)
 
 
 @pytest.fixture(scope="module")

@@ -54,6 +54,13 @@ def test_failed_and_dropped_examples_are_counted_and_in_no_mean():
     assert math.isnan(summary.at["ego", "time_ms"])
 
 
+def test_lost_ego_motion_is_counted():
+    rows = [row(1, 0.1, lost="clouds repeat"), row(2, 0.3)]
+    summary = summarize(rows).loc["mnsf"]
+    assert (summary["num_lost"], summary["num_examples"]) == (1, 2)
+    assert summary["errors.all.epe_m"] == pytest.approx(0.2)
+
+
 def test_methods_come_in_the_order_asked_for():
     rows = [row(1, 0.1, method) for method in ("b", "c", "a", "d")]
     assert list(summarize(rows, ["c", "x", "b"]).index) == ["c", "b", "a", "d"]
@@ -67,4 +74,4 @@ def test_starts_and_time_budgets_are_counted():
 
 def test_work_is_the_last_table():
     (work,) = further_tables(summarize([row(1, 0.1)]))
-    assert work.rows == [["mnsf", "1", "0", "0", "100", "-", "0", "0"]]
+    assert work.rows == [["mnsf", "1", "0", "0", "0", "100", "-", "0", "0"]]

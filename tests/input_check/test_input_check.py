@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
+from mnsf_ros.input_check.finding import Severity
 from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.input_check import InputCheck
-from mnsf_ros.input_check.sweep_sample import Located
+from mnsf_ros.input_check.odometry_fit import OdometryFit
+from mnsf_ros.input_check.sweep_sample import Located, Step
 from mnsf_ros.settings import Settings, TimeSettings
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -314,3 +317,28 @@ def test_turn_rates_that_contradict_the_clouds_are_said(spoil, text):
     assert bool(found) == (text is not None)
     assert text is None or text in found[0]
     assert ("IMU" in check.facts()) == (text is None and len(spoil(weaving()[0][2])) > 0)
+
+
+@pytest.mark.parametrize(
+    ("has_walls", "severity", "text"),
+    [
+        (True, Severity.ERROR, "and static points fit odometry: they are off by 0.00 m"),
+        (False, Severity.WARNING, "and the clouds do not tell which is right"),
+    ],
+)
+def test_odometry_and_registration_that_differ_in_most_sweeps_are_said(has_walls, severity, text):
+    """The sensor moves by 0.62 m a sweep, and registration takes it to be at rest."""
+    fit, rng, located = OdometryFit(Settings().ego_motion), np.random.default_rng(0), []
+    places = rng.uniform((-30, -30, -2), (30, 30, 3 if has_walls else -2), (5000, 3))
+    for number in range(20):
+        moved = shifted(0.62 * number, 0.0)
+        own = rng.uniform((-30, -30, -2), (30, 30, -2), (20_000, 3))
+        xyz = places - moved[:3, 3] if has_walls else own
+        sweep = Sweep(xyz.astype(np.float32), number * 10**8, odometry=moved)
+        located.append(Located(sweep, np.eye(4), "registration"))
+    for before, after in pairwise(located):
+        fit.move(Step(before, after))
+    (finding,) = fit.findings()
+    assert finding.severity is severity
+    assert text in finding.found
+    assert "differ in 100% of the sweeps, by 0.62 m" in finding.found

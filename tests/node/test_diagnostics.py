@@ -52,7 +52,7 @@ class Story:
         for _ in range(times):
             self.statistics.add_failure("too few points")
 
-    def estimate(self, latency_ms=50.0, start=Start.WARM, ego_source=None):
+    def estimate(self, latency_ms=50.0, start=Start.WARM, ego_source=None, lost=""):
         self.statistics.count("flows_out")
         estimate = FlowEstimate(
             flow=np.zeros((1, 3), np.float32),
@@ -64,7 +64,7 @@ class Story:
             distance_kind="tree",
             precision="float32",
             own_body=np.linspace((-2.06, 0, 0), (-1.53, 0, 0), 130, dtype=np.float32),
-            over_ground=None if ego_source is None else over_ground(source=ego_source),
+            over_ground=None if ego_source is None else over_ground(source=ego_source, lost=lost),
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
@@ -269,6 +269,37 @@ def test_ego_motion_of_another_source_than_wanted_is_degraded(story):
     assert (values["odometry, recent"], values["registration, recent"]) == ("1", "1")
 
 
+def test_lost_ego_motion_is_an_error_while_it_lasts_and_then_a_warning(story):
+    def goes_on(number, lost=""):
+        for _ in range(number):
+            story.now_s += 0.1
+            story.estimate(ego_source="lost" if lost else "registration", lost=lost)
+        status = story.statuses()[2]
+        return status.level, status.message
+
+    assert goes_on(20) == (OK, "registration")
+    text = "lost: clouds repeat; nothing counts as moving until it is found again"
+    assert goes_on(3, "clouds repeat") == (ERROR, text)
+    values = values_of(story.statuses()[2])
+    assert {"lost": "clouds repeat", "sweeps lost, recent": "3"}.items() <= values.items()
+    assert values["lost for [s]"] == "0.2"
+    assert story.warnings == {"ego motion clouds repeat": f"ego motion is {text}"}
+    again = "found again: it was lost in {} of the last {} sweeps"
+    assert goes_on(5) == (WARN, again.format(3, 10))
+    assert values_of(story.statuses()[2])["lost for [s]"] == "0.0"
+    assert goes_on(3) == (WARN, again.format(2, 10))
+    assert goes_on(10) == (OK, "registration")
+    # Also one that nobody heard of meanwhile.
+    goes_on(1, "clouds repeat")
+    assert goes_on(30)[0] == OK
+    story.estimate(ego_source="lost", lost="clouds repeat")
+    assert goes_on(30) == (WARN, again.format(1, 31))
+    # Nobody knows it while nobody subscribes.
+    assert goes_on(1, "clouds repeat")[0] == ERROR
+    story.receive("triplets_unwatched")
+    assert goes_on(0) == (OK, "not estimated")
+
+
 def test_findings_are_said_by_the_worst_of_them(story):
     def says(*findings):
         status = story.statuses(findings=findings)[3]
@@ -310,7 +341,13 @@ class TestValues:
         }
         assert (of_flow["latency p95 [ms]"], of_flow["queue"]) == ("unknown", "0")
         assert (of_flow["method"], of_flow["last failure"]) == ("online", "none")
-        assert of_ego_motion == {"source": "none", "wanted": "registration"}
+        assert of_ego_motion == {
+            "source": "none",
+            "wanted": "registration",
+            "lost": "no",
+            "lost for [s]": "0.0",
+            "sweeps lost, recent": "0",
+        }
         assert of_input_check == {}
 
     def test_of_estimates(self, story):

@@ -5,7 +5,8 @@ import itertools
 
 import numpy as np
 import pytest
-from box_street import INTERVAL_NS, BoxStreet, pose
+from box_street import INTERVAL_NS, BoxStreet, pose, unrelated_sweep
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from node_harness import QUICK, stamp_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -38,12 +39,12 @@ def street_message(index, drive_number=0):
 class Heard:
     """All messages of a topic, by the stamp of their sweep."""
 
-    def __init__(self, peer, message_type, name, *, latched=False):
+    def __init__(self, peer, message_type, name, *, node="/street", latched=False):
         policy = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         qos = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=policy)
         self.messages = []
         self._peer, self._name = peer, name
-        peer.node.create_subscription(message_type, f"/street/{name}", self.messages.append, qos)
+        peer.node.create_subscription(message_type, f"{node}/{name}", self.messages.append, qos)
 
     def of(self, cloud):
         """The message with the stamp of a cloud."""
@@ -133,3 +134,44 @@ def test_source_is_latched(street_peer, clouds):
     source = Heard(street_peer, String, "ego_motion/source", latched=True)
     street_peer.spin_until(lambda: source.messages, "the source, though it was said before")
     assert source.messages[-1].data == "registration"
+
+
+def test_lost_ego_motion_is_told_at_once_and_ends_by_itself(run_node):
+    peer = run_node(ON_STREET | {"node.diagnostics_period_s": 60.0}, name="/lost")
+    source = Heard(peer, String, "ego_motion/source", node="/lost", latched=True)
+    peer.wait_for_subscription("reliable")
+    first = map(street_message, itertools.count())
+
+    def has_flow():
+        peer.publish(next(first))
+        peer.spin_for(0.1)
+        return peer.flows and source.messages
+
+    peer.spin_until(has_flow, "a flow and its source")
+    clouds = [street_message(index, drive_number=1) for index in range(20)]
+    for index in (8, 9):
+        xyz = unrelated_sweep(index).xyz
+        clouds[index] = xyz_message(xyz, stamp_ns=stamp_of(clouds[index]))
+    peer.publish(clouds[0])
+
+    def goes_on(first, last):
+        for index in range(first, last):
+            peer.publish(clouds[index])
+            if index > 1:
+                peer.flow_of(clouds[index - 1])
+
+    def is_of_level(level):
+        return peer.diagnostics and peer.status("ego motion").level == level
+
+    goes_on(1, 10)
+    # The flow until a sweep that is lost has no value.
+    assert not column(peer.flows[stamp_of(clouds[7])], "confidence").any()
+    peer.spin_until(lambda: is_of_level(DiagnosticStatus.ERROR), "the loss to be told")
+    text = "lost: the sweep does not match those before it; nothing counts as moving"
+    assert peer.status("ego motion").message.startswith(text)
+    assert source.messages[-1].data == "lost"
+    goes_on(10, 20)
+    peer.spin_until(lambda: is_of_level(DiagnosticStatus.WARN), "its end to be told")
+    assert "it was lost in 3 of the last 10" in peer.status("ego motion").message
+    assert [one.data for one in source.messages] == ["registration", "lost", "registration"]
+    assert f"ego motion is {text}" in peer.process.log

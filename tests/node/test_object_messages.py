@@ -68,6 +68,14 @@ class TestMarkers:
         assert (label.type, label.text) == (Marker.TEXT_VIEW_FACING, "4: 5.0 m/s")
         assert label.pose.position.z > 0.5 + 1.5 / 2
 
+    def test_of_objects_that_are_only_predicted_look_so(self):
+        seen, predicted = (
+            {marker.ns: marker for marker in markers_of([item]).markers[1:]}
+            for item in (tracked(4), tracked(4, num_points=0))
+        )
+        assert predicted["label"].text == "4: 5.0 m/s, predicted"
+        assert predicted["box"].color.a < seen["box"].color.a / 2
+
     @pytest.mark.parametrize("velocity", [(3.0, -4.0, 0.0), (-1.0, 0.5, 2.0), (0.0, 0.0, -1.0)])
     def test_arrow_points_where_the_object_goes(self, velocity):
         message = objects_markers(
@@ -133,7 +141,7 @@ def test_messages_of_autoware(messages_by_topic):
     tracks, detections = messages["~/objects/autoware"], messages["~/objects/autoware/detected"]
     assert len({bytes(item.object_id.uuid) for item in tracks.objects}) == 4
     assert not any(item.kinematics.is_stationary for item in tracks.objects)
-    assert all(item.existence_probability == 1 for item in tracks.objects)
+    assert [item.existence_probability for item in tracks.objects] == [1, 1, 0.5, 1]
     assert_in_autoware(*tracks.objects[:2])
     # Only what is seen at present is detected.
     *boxes, seen = detections.objects
@@ -171,12 +179,13 @@ def assert_in_autoware(first, second):
 
 @pytest.mark.parametrize("state", NAV2_STATES)
 def test_message_of_nav2(messages_by_topic, state):
-    objects = [tracked(1), tracked(2, yaw=np.pi / 4)]
+    objects = [tracked(1), tracked(2, yaw=np.pi / 4, num_points=0)]
     definitions = NAV2 | {"Obstacle": NAV2_STATES[state]}
     messages = messages_by_topic("nav2_dynamic_msgs", definitions, objects)
     message = messages["~/objects/nav2"]
     assert is_of_sweep(message)
     first, second = message.obstacles
+    assert (first.score, second.score) == (1.0, 0.5)
     assert bytes(first.uuid.uuid) != bytes(second.uuid.uuid)
     assert xyz(first.position) == (10.0, -2.0, 0.5)
     assert xyz(first.velocity) == (0.0, 5.0, 0.0)
@@ -193,7 +202,7 @@ def test_message_of_nav2(messages_by_topic, state):
 
 
 def test_message_of_vision(messages_by_topic):
-    objects = [tracked(1), tracked(2, yaw=np.pi)]
+    objects = [tracked(1), tracked(2, yaw=np.pi, num_points=0)]
     message = messages_by_topic("vision_msgs", VISION, objects)["~/objects/detections"]
     assert is_of_sweep(message)
     first, second = message.detections
@@ -204,6 +213,7 @@ def test_message_of_vision(messages_by_topic):
     (result,) = first.results
     assert result.pose.pose == first.bbox.center
     assert xyz(result.pose.pose.position) == (10.0, -2.0, 0.5)
-    assert result.hypothesis.class_id == "dynamic"
+    scores = [item.results[0].hypothesis.score for item in message.detections]
+    assert (result.hypothesis.class_id, scores) == ("dynamic", [1.0, 0.5])
     pose = np.reshape(result.pose.covariance, (6, 6))
     np.testing.assert_allclose(np.diag(pose)[:3], [0.01, 0.02, 0.03])

@@ -29,7 +29,7 @@ NUM_POINTS = 600
 NUM_DYNAMIC = 60
 FULL, MOVING, STANDING = "/clouds/flow", "/clouds/flow/moving", "/clouds/flow/standing"
 OBJECTS, MARKERS = "/clouds/objects", "/clouds/objects/markers"
-PREDICTED = "/clouds/predicted"
+PREDICTED, CLEARING = "/clouds/predicted", "/clouds/predicted/clearing"
 FULL_LAYOUT, COMPACT, COLORLESS = (
     Settings().changed(changes)
     for changes in ({}, {"output.layout": "compact"}, {"output.rgb": False})
@@ -107,13 +107,14 @@ def triplet():
     return SweepTriplet(*(CloudReader().sweep(message, Settings().time, 0) for message in messages))
 
 
-def made_estimate(number=NUM_POINTS - 1, objects=(), *, has_tracks=False):
+def made_estimate(number=NUM_POINTS - 1, objects=(), *, has_tracks=False, lost=""):
     known = over_ground(
         motion=np.arange(3 * number, dtype=np.float32).reshape(-1, 3),
         dynamic=np.arange(number) % 10 == 0,
         confidence=np.linspace(0, 1, number, dtype=np.float32),
         objects=objects,
         track_ids=np.zeros(number, np.int32) if has_tracks else None,
+        lost=lost,
     )
     flow = np.arange(3 * number, dtype=np.float32).reshape(-1, 3) / 7
     return FlowEstimate(flow, np.ones(number, bool), over_ground=known)
@@ -225,6 +226,20 @@ def test_predicted_ground_is_published_as_a_cloud_of_its_sweep(clouds, built):
     (nothing,) = clouds.publish(PREDICTED, estimate=made_estimate(has_tracks=True))
     assert nothing.width == 0
     assert built == []
+
+
+def test_costmaps_keep_what_they_have_while_the_ego_motion_is_lost(clouds):
+    clouds.hear(OBJECTS, PREDICTED, CLEARING)
+    of_costmaps = (PREDICTED, CLEARING)
+    hidden = [tracked(5, num_points=0)]
+    known = made_estimate(objects=hidden, has_tracks=True)
+    clouds.publish(OBJECTS, *of_costmaps, estimate=known)
+    for _ in range(3):
+        lost = made_estimate(objects=hidden, has_tracks=True, lost="clouds repeat")
+        (objects,) = clouds.publish(OBJECTS, estimate=lost)
+        assert column(objects, "num_points").tolist() == [0]
+    clouds.publish(OBJECTS, *of_costmaps, estimate=known)
+    assert [len(clouds.heard[topic]) for topic in (OBJECTS, *of_costmaps)] == [5, 2, 2]
 
 
 def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):

@@ -120,3 +120,13 @@ def test_truth_that_is_valid_nowhere_is_told():
     empty = {name: replace(one, num_points=0) for name, one in row(1, "mnsf", 0.1).errors.items()}
     _, others = notes([row(1, "mnsf", 0.1, errors=empty)])
     assert others == ["street: no scored point has valid truth, so no errors."]
+
+
+def test_lost_ego_motion_is_noted_once_for_each_method_and_recording():
+    lost = [row(n, "mnsf", 0.1, lost="clouds repeat" if n < 3 else "no match") for n in (1, 2, 3)]
+    incomplete, others = notes([*lost, row(4, "mnsf", 0.1), row(4, "zero", 0.1)])
+    assert not incomplete
+    assert others == [
+        "mnsf: ego motion lost in 3 of 4 sweeps of street, first in sweep 1: clouds repeat (2), "
+        "no match (1)."
+    ]

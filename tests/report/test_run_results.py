@@ -104,7 +104,7 @@ def test_columns_of_csv_keep_their_places():
         "preset,changed_settings,num_threads,points_given,ground,realtime_rate,every,"
         "mnsf_ros_version,torch_version,machine,git_commit,precision,recall,iou,ghosts_per_sweep,"
         "ghost_sweeps,velocity_error_m_s,direction_error_deg,after_stop_s,fast_found,fast_flicker,"
-        "fast_delay_s,slow_found,slow_flicker,slow_delay_s"
+        "fast_delay_s,slow_found,slow_flicker,slow_delay_s,num_lost"
     )
 
 

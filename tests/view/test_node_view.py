@@ -209,6 +209,31 @@ def test_own_body_of_a_node_is_shown_and_saved(address: str) -> None:
         assert saved == {"crop": {"own_body": "-2.1 -1 0 0 1 0.5"}}
 
 
+def test_lost_ego_motion_of_a_node_is_said_while_it_lasts(address: str) -> None:
+    with (
+        RawTopics("front") as ros,
+        closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer,
+    ):
+        publisher = ros.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        error, ok = DiagnosticStatus.ERROR, DiagnosticStatus.OK
+        for level, value, wanted in ((error, "clouds repeat", "clouds repeat"), (ok, "no", "")):
+            status = DiagnosticStatus(name="front: ego motion", level=level, message="lost")
+            status.values = [KeyValue(key="lost", value=value)]
+            raw, lost = serialize_message(DiagnosticArray(status=[status])), None
+            give_up_s = time.monotonic() + PATIENCE_S
+            while lost != wanted:
+                assert time.monotonic() < give_up_s
+                publisher.publish(raw)
+                ros.spin_for(0.05)
+                with suppress(TimeoutError):
+                    while isinstance(text := viewer.recv(timeout=0), str):
+                        message = json.loads(text)
+                        # Before that, the node itself is missing.
+                        texts = {item["text"] for item in message.get("warnings", ())}
+                        if message["kind"] == "status" and texts <= {"ego motion: lost"}:
+                            lost = message["lost"]
+
+
 def test_parameters_of_a_node_by_whomever_they_are_set(address: str) -> None:
     with (
         RawTopics("front") as ros,

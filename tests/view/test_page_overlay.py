@@ -124,6 +124,25 @@ def test_nothing_stands_over_anything_else(
         browser.press("p")
 
 
+def test_lost_ego_motion_is_said_in_red_while_it_lasts(
+    server: PageServer, browser: Browser
+) -> None:
+    shown = "!document.querySelector('#lost').hidden"
+    show_layer(server, "estimate")
+    for lost in ("clouds repeat", "", "many objects share one motion"):
+        server.tell("status", latency=1.0, values={}, warnings=[], lost=lost)
+        browser.until(f"({shown}) === {'true' if lost else 'false'}")
+    text = browser.value("document.querySelector('#lost').innerText")
+    assert text.startswith("Ego motion lost: many objects share one motion.")
+    x, y = browser.value(
+        "(({left, top}) => [left + 5, top + 5])"
+        "(document.querySelector('#lost').getBoundingClientRect())"
+    )
+    red, green, blue = browser.picture()[int(y), int(x)].tolist()
+    assert red > 2 * max(green, blue)
+    assert not browser.errors
+
+
 def test_keys_work_after_a_click_on_the_time_bar(server: PageServer, browser: Browser) -> None:
     show_layer(server, "estimate")
     browser.until("!document.querySelector('#player').hidden")

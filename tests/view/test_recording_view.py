@@ -11,14 +11,17 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from box_street import BoxStreet, pose, unrelated_sweep
 from websockets.sync.client import connect
 
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.recording_view import RecordingView
+from msg_utils.point_cloud2 import encode_columns
 
 PATIENCE_S = 120.0
 
@@ -266,3 +269,28 @@ def test_nothing_is_done_while_nobody_watches(make_street) -> None:
         topics = used_topics(street, reader.topics)
         view = RecordingView(server, reader, topics, Settings())
         assert view._idle_s() is None
+
+
+def test_lost_ego_motion_is_said_with_its_sweep(tmp_path: Path) -> None:
+    """Its last sweeps are of another place."""
+    street, lost = BoxStreet(), tmp_path / "lost"
+    with BagWriter(lost) as writer:
+        for index in range(8):
+            xyz = street.xyz(pose(0.6 * index), seed=index)
+            if index in (4, 5):
+                xyz = unrelated_sweep(index).xyz
+            columns = {axis: xyz[:, i].astype(np.float32) for i, axis in enumerate("xyz")}
+            cloud = encode_columns(columns, 1, len(xyz))
+            writer.write_cloud("/points", cloud, 10**9 + index * 10**8, "lidar")
+    server = PageServer()
+    with BagReader(lost) as reader, server.listening("127.0.0.1", 0) as address:
+        topics = used_topics(lost, reader.topics)
+        viewer = Viewer(RecordingView(server, reader, topics, preset("online")), server, address)
+        said = []
+        for number in range(1, 7):
+            viewer.until(lambda number=number: viewer.sees(0.1 * (number - 1)))
+            said.append(viewer.newest["status"]["lost"])
+            viewer.send(do="step", by=1)
+        viewer.close()
+    reason = "the sweep does not match those before it"
+    assert said == ["", "", *3 * [reason], ""]

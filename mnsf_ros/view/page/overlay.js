@@ -167,7 +167,8 @@ export class Overlay {
   drawBox(item, isSelected) {
     const corners = this.placedCorners(item);
     const context = this.context;
-    this.fill([0, 1, 3, 2].map((k) => corners[k]), item.color, isSelected ? 0.4 : 0.18);
+    this.fill([0, 1, 3, 2].map((k) => corners[k]), item.color,
+      isSelected ? 0.4 : item.points ? 0.18 : 0.06);
     context.setLineDash(item.points ? [] : [5, 5]);
     this.strokeEdges(corners, item.color, isSelected ? 3 : 1.6, isSelected ? 1 : 0.85);
     context.setLineDash([]);
@@ -190,7 +191,8 @@ export class Overlay {
     for (const item of near) {
       const at = this.pixelOf([item.center[0], item.center[1], item.center[2] + item.size[2] / 2]);
       if (!at || at[0] < -20 || at[0] > this.width + 20 || at[1] < 0 || at[1] > this.bottom) continue;
-      const texts = [`${item.speed.toFixed(1)} m/s`, `${item.age.toFixed(1)} s`];
+      const texts = [`${item.speed.toFixed(1)} m/s`,
+        item.points ? `${item.age.toFixed(1)} s` : "predicted"];
       const widths = texts.map((text) => context.measureText(text).width);
       const width = widths[0] + widths[1] + 24;
       const box = this.freePlace(at, width, placed);

@@ -48,7 +48,11 @@ const HANDLERS = {
     draw();
   },
   waiting: ({ text }) => { find("#waiting").textContent = text; },
-  status: (message) => status.show(message),
+  status(message) {
+    status.show(message);
+    Object.assign(find("#lost"), { hidden: !message.lost,
+      textContent: `Ego motion lost: ${message.lost}. Nothing counts as moving.` });
+  },
   refused: ({ text }) => notice(text, 6000),
   reasons({ lines, track }) {
     if (track !== selected.track) return;
@@ -128,7 +132,7 @@ function draw() {
     const clipFromFrame = camera.clipFromFrame(width / height);
     points.draw(product(clipFromFrame, frameFromSensor), camera.distance);
     const bottom = find("#player").hidden ? height : find("#player").getBoundingClientRect().top;
-    const covered = [...document.querySelectorAll("header, nav, #words")].map((one) => {
+    const covered = [...document.querySelectorAll("header, nav, #lost, #words")].map((one) => {
       const { left, top, right, bottom } = one.getBoundingClientRect();
       return [left, top, right, bottom];
     });
@@ -297,7 +301,7 @@ showValues(find("#keys dl"), { ...Object.fromEntries(Object.entries(KEYS).map(([
 followSystem(() => { overlay.readTheme(); status.draw(); draw(); });
 // Labels keep clear of the words above and below, whose sizes change.
 const resized = new ResizeObserver(draw);
-for (const one of [canvas, ...document.querySelectorAll("header, nav, #words")]) resized.observe(one);
+for (const one of [canvas, ...document.querySelectorAll("header, nav, #lost, #words")]) resized.observe(one);
 // Without the token, which a picture of the page would give away.
 find("#address").textContent = location.origin;
 connect();
