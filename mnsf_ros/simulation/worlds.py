@@ -31,7 +31,7 @@ from mnsf_ros.simulation.routes import (
 from mnsf_ros.simulation.sensor import Sensor, drawn_sensor, sensor_of
 from mnsf_ros.simulation.settings import Scenario, SimulationSettings, drawn, scenario_of
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
-from mnsf_ros.simulation.traffic import Traffic, draw_profile
+from mnsf_ros.simulation.traffic import Traffic, draw_profile, standing_start
 
 _LEAST_S: Final = 10.0
 _APART_M: Final = 0.02
@@ -94,12 +94,12 @@ def build_scene(settings: SimulationSettings) -> StreetScene:
     scenario = scenario_of(settings)
     draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
-    sensor = sensor_under(sensor, draws)
+    sensor = replace(sensor_under(sensor, draws), is_fixed=settings.directions == "fixed")
     if scenario.turns_deg_s is not None:
         sensor = replace(sensor, is_rolling=True)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
-    world = _World(scenario, duration_s, place, draws)
+    world = _World(scenario, duration_s, place, draws, settings.stands_s)
     rain = ["rain"] if sensor.rain_per_m else []
     text = ", ".join([sensor.kind, f"{sensor.rate_hz:g} Hz", *rain, *draws])
     return replace(world.scene(sensor, text, traffic), wetness=wetness_under(draws))
@@ -109,9 +109,14 @@ class _World:
     """A place with an ego vehicle."""
 
     def __init__(
-        self, scenario: Scenario, duration_s: float, rng: np.random.Generator, draws: Draws
+        self,
+        scenario: Scenario,
+        duration_s: float,
+        rng: np.random.Generator,
+        draws: Draws,
+        stands_s: float,
     ) -> None:
-        self._scenario, self._duration_s = scenario, duration_s
+        self._scenario, self._duration_s, self._stands_s = scenario, duration_s, stands_s
         # Laterals of walls that people can walk along.
         self._walls_m: list[float] = []
         # One second more than recorded: the last sweeps' truth looks one interval ahead.
@@ -175,6 +180,8 @@ class _World:
             turn_rad_s = math.radians(rng.uniform(*self._scenario.turns_deg_s))
             route = self._weaving(lateral, min(turn_rad_s, _TYRES_M_S2 / self._speed_m_s))
         profile = draw_profile(self._speed_m_s, self._scenario.behaviours, rng)
+        if self._stands_s:
+            profile = standing_start(self._speed_m_s, self._stands_s)
         at_m = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), lateral)[0, 1]))
         shaken = _SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
         frequency, phase = rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)
