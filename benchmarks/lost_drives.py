@@ -17,14 +17,17 @@ from drives import DATA
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation import models
-from mnsf_ros.simulation.bodies import Body
-from mnsf_ros.simulation.routes import SensorTrip, SpeedProfile, Trip
+from mnsf_ros.simulation.bodies import Body, Model, box
+from mnsf_ros.simulation.routes import Route, SensorTrip, SpeedProfile, Trip
+from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.sensor import Sensor
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import LANE_LATERAL_M
 from mnsf_ros.simulation.sweeps import SweepSimulator
-from mnsf_ros.simulation.worlds import StreetScene, build_scene
+from mnsf_ros.simulation.traffic import walk
+from mnsf_ros.simulation.worlds import build_scene
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 # Lowest and highest beam (degrees), beams, columns.
@@ -33,8 +36,8 @@ SENSORS: Final = {
     "32 beams, ±25°": (-25.0, 25.0, 32, 1024),
     "32 beams, ±45°": (-45.0, 45.0, 32, 600),
 }
-# Speeds of the sensor in m/s.
-PLACES: Final = {"street": (1.8, 8.0, 15.0)}
+# Speeds of the sensor in m/s; places under a roof draw theirs.
+PLACES: Final = {"street": (1.8, 8.0, 15.0), "rooms": (0.0,), "carried": (0.0,)}
 REAL: Final = ("kitti_0005", "apollo_arz034", "radiate_hdl32")
 # Sweeps before a disturbance, and after it.
 _BEFORE: Final = 15
@@ -48,13 +51,16 @@ _RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 _TURNS_DEG: Final = (15.0, 30.0, 60.0)
 _TURN_S: Final = 0.6
 _PUSHES_M_S: Final = (1.0, 3.0)
-_PUSH_S: Final = 0.3
-_BUSES_M_S: Final = (2.0, 6.0)
+_PUSH_S: Final = 0.5
+_BUSES_M_S: Final = (3.0, 8.0)
 # How far the middle of a bus is beside the lidar, which is 1.25 m more than its side; and how far
 # ahead it is when it hides little.
 _BUS_BESIDE_M: Final = 2.4
-_BUS_GONE_M: Final = 15.0
+_BUS_GONE_M: Final = 12.0
 _STANDS_S: Final = 2.0
+# Walking speeds of the middle of a door; its width, the height of the doorway, its distance ahead.
+_DOORS_M_S: Final = (0.5, 1.5)
+_DOOR_M, _DOORWAY_M, _DOOR_AHEAD_M = 1.1, 2.1, 1.2
 # A covered lidar sees its cover, and is turned meanwhile.
 _COVER_M: Final = 0.45
 _COVER_POINTS: Final = 3000
@@ -62,6 +68,8 @@ _COVER_TURN_DEG: Final = 130.0
 # Sweeps of a real drive before a gap, and the fewest after it.
 _REAL_BEFORE: Final = 4
 _REAL_AFTER: Final = 5
+# One of them sees the roof of its own car.
+_OWN_CAR_M: Final = 3.0
 
 
 class Case(NamedTuple):
@@ -136,7 +144,7 @@ class Place:
     def __init__(
         self,
         case: Case,
-        change: Callable[[StreetScene], StreetScene] = lambda scene: scene,
+        change: Callable[[Scene], Scene] = lambda scene: scene,
         *,
         duration_s: float = 10.0,
         rate_hz: float = _RATE_HZ,
@@ -217,11 +225,12 @@ def _real_sweeps(name: str) -> list[Taken]:
 def _real(arrays: dict[str, NDArray[Any]]) -> Taken:
     xyz = np.ascontiguousarray(arrays["xyz"], np.float32)
     sweep = Sweep(xyz, int(arrays["stamp_ns"]), "lidar", times_s=arrays.get("time_offset"))
-    static = np.ones(len(xyz), bool)
+    static = np.linalg.norm(xyz, axis=1) > _OWN_CAR_M
     if "is_dynamic" in arrays:
         # Movers are labelled only in view of the camera.
-        static = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_dynamic"]
-    return Taken(sweep, arrays["pose"], static, ~arrays["is_ground"])
+        static &= arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_dynamic"]
+    above_ground = ~arrays.get("is_ground", np.zeros(len(xyz), bool))
+    return Taken(sweep, arrays["pose"], static, above_ground)
 
 
 def _frozen(case: Case) -> Iterator[Drive]:
@@ -249,10 +258,10 @@ def _standing_starts(case: Case) -> Iterator[Drive]:
 
 
 def _thrown(case: Case, variant: str, lasts_s: float, **changes: float) -> Drive:
-    """The sensor is turned or pushed to the left for a while."""
+    """The sensor is turned to the left, or pushed to the left and back, for a while."""
     begin_s = _BEFORE / _RATE_HZ
 
-    def change(scene: StreetScene) -> StreetScene:
+    def change(scene: Scene) -> Scene:
         ego = Thrown.of(scene.ego, begin_s=begin_s, end_s=begin_s + lasts_s, **changes)
         return replace(scene, ego=ego)
 
@@ -313,7 +322,7 @@ def _buses(case: Case) -> Iterator[Drive]:
         yield Drive(variant, place.taken(range(end + _AFTER)), end)
 
 
-def _with_bus(scene: StreetScene, speed_m_s: float, seed: int) -> StreetScene:
+def _with_bus(scene: Scene, speed_m_s: float, seed: int) -> Scene:
     """The scene with a bus that comes from behind, on the left."""
     lane = scene.street.lane(_BUS_BESIDE_M - LANE_LATERAL_M, forward=True)
     begin_s = _BEFORE / _RATE_HZ
@@ -324,9 +333,39 @@ def _with_bus(scene: StreetScene, speed_m_s: float, seed: int) -> StreetScene:
     return replace(scene, bodies=(*scene.bodies, bus))
 
 
+def _doors(case: Case) -> Iterator[Drive]:
+    """A door closes in front of a sensor that stands."""
+    begin_s = _BEFORE / _RATE_HZ
+    for speed_m_s in _DOORS_M_S:
+        arc_m = math.pi / 2 * _DOOR_M / 2
+        end = _BEFORE + math.ceil((arc_m / speed_m_s + 0.4) * _RATE_HZ)
+        change = partial(_with_door, begin_s=begin_s, speed_m_s=speed_m_s)
+        place = Place(case, change, stands_s=60.0)
+        yield Drive(f"{speed_m_s:g} m/s", place.taken(range(end + _AFTER)), end)
+
+
+def _with_door(scene: Scene, begin_s: float, speed_m_s: float) -> Scene:
+    """The scene with a wall ahead whose doorway is closed."""
+    x, y, _ = scene.ego.trip.planar(np.zeros(1))[0] + (_DOOR_AHEAD_M, 0.0, 0.0)
+    right, left, thick = y - _DOOR_M / 2, y + _DOOR_M / 2, (x - 0.05, x + 0.05)
+    walls = (
+        box(thick, (left, left + 20.0), (0.0, 6.0)),
+        box(thick, (right - 20.0, right), (0.0, 6.0)),
+        box(thick, (right, left), (_DOORWAY_M, 6.0)),
+    )
+    leaf = (box((-0.03, 0.03), (-_DOOR_M / 2, _DOOR_M / 2), (0.0, _DOORWAY_M)),)
+    # The door turns about its left edge; open, it leads away from the sensor.
+    angles = np.linspace(0.0, -math.pi / 2, 40)
+    middle = np.stack([x + _DOOR_M / 2 * np.cos(angles), left + _DOOR_M / 2 * np.sin(angles)], 1)
+    trip = walk(Route.through(middle), begin_s, speed_m_s)
+    wall = Body(Model(SurfaceClass.BUILDING, walls, 0.1, 40.0, 90.0), np.eye(4))
+    door = Body(Model(SurfaceClass.BUILDING, leaf, 0.06, _DOOR_M, 60.0), trip)
+    return replace(scene, bodies=(*scene.bodies, wall, door))
+
+
 @dataclass(frozen=True)
 class Thrown(SensorTrip):
-    """A trip on which the sensor is turned to the left, and pushed to the left, for a while."""
+    """A trip on which the sensor is turned to the left, or pushed there and back, for a while."""
 
     begin_s: float = 0.0
     end_s: float = 0.0
@@ -340,9 +379,11 @@ class Thrown(SensorTrip):
 
     def world_from_sensor(self, time_s: float) -> NDArray[Any]:
         """Returns the (4, 4) pose of the lidar frame at a time."""
-        lasts_s = min(max(time_s - self.begin_s, 0.0), self.end_s - self.begin_s)
-        turned = planar_pose(0.0, self.push_m_s * lasts_s, math.radians(self.turn_deg_s) * lasts_s)
-        return super().world_from_sensor(time_s) @ turned
+        whole_s = self.end_s - self.begin_s
+        passed_s = min(max(time_s - self.begin_s, 0.0), whole_s)
+        turned = math.radians(self.turn_deg_s) * passed_s
+        pushed_m = self.push_m_s * min(passed_s, whole_s - passed_s)
+        return super().world_from_sensor(time_s) @ planar_pose(0.0, pushed_m, turned)
 
 
 DISTURBANCES: Final[dict[str, Callable[[Case], Iterator[Drive]]]] = {
@@ -354,5 +395,6 @@ DISTURBANCES: Final[dict[str, Callable[[Case], Iterator[Drive]]]] = {
     "rate": _rates,
     "bus": _buses,
     "cover": _covers,
+    "door": _doors,
 }
 _ONLY_IN: Final = {"bus": ("street",), "door": ("rooms",)}

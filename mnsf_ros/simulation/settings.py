@@ -14,7 +14,9 @@ from mnsf_ros.setting import check_declared, declared, settings_of
 Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", "random", "adverse", "standing", "turns")
+# Places under a roof; the lidar is on a robot, or carried by hand.
+INDOORS = ("rooms", "carried")
+SCENARIOS = ("street", "random", "adverse", "standing", "turns", *INDOORS)
 # Of adverse worlds, see conditions.py and docs/recordings.md; each world has some of them.
 CONDITIONS = ("jitter", "gaps", "body", "walls", "wet", "fog", "kerbs", "lidar", "groups")
 _CONDITION_SHARE = 0.4
@@ -39,7 +41,7 @@ _NUMBERS = {0.0: 0.1, 4.0: 0.3, 12.0: 0.35, 30.0: 0.25}
 class SimulationSettings:
     """Settings of a simulation. Equal settings give equal recordings, byte for byte.
 
-    All scenarios but `street` draw all but `seed` and `duration_s`.
+    All scenarios but `street` draw lidar, rate and speed.
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range, or is set although the
@@ -56,7 +58,7 @@ class SimulationSettings:
     scenario: str = declared(
         "street",
         "random: drawn lidar, place, traffic; adverse: with conditions; standing: no movers; "
-        "turns: random, with hard turns",
+        "turns: random, with hard turns; rooms: indoors, on a robot; carried: indoors, by hand",
         choices=SCENARIOS,
     )
     imu_hz: float = declared(0.0, "turn rates of a cheap IMU per second on /imu, 0: none", 0, 1000)

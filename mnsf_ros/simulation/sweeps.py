@@ -14,9 +14,10 @@ from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceC
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
+from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import brightness, ground_cosines, ground_hits, intensities
-from mnsf_ros.simulation.worlds import StreetScene, build_scene
+from mnsf_ros.simulation.worlds import build_scene
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
@@ -43,7 +44,7 @@ class SweepSimulator:
         num_sweeps: Number of sweeps of the recording, at least one.
     """
 
-    def __init__(self, settings: SimulationSettings, scene: StreetScene | None = None) -> None:
+    def __init__(self, settings: SimulationSettings, scene: Scene | None = None) -> None:
         """Prepares the scene of the settings, or another one."""
         self.scene = build_scene(settings) if scene is None else scene
         self.interval_s = 1.0 / self.scene.sensor.rate_hz

@@ -7,7 +7,7 @@ The ego vehicle begins near x = 0 and looks along +x.
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Final
@@ -17,6 +17,7 @@ import numpy as np
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker, Model
 from mnsf_ros.simulation.conditions import Draws, draws_of, sensor_under, wetness_under
+from mnsf_ros.simulation.rooms import rooms_scene
 from mnsf_ros.simulation.routes import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,
@@ -28,8 +29,9 @@ from mnsf_ros.simulation.routes import (
     SpeedProfile,
     Trip,
 )
+from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.sensor import Sensor, drawn_sensor, sensor_of
-from mnsf_ros.simulation.settings import Scenario, SimulationSettings, drawn, scenario_of
+from mnsf_ros.simulation.settings import INDOORS, Scenario, SimulationSettings, drawn, scenario_of
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
 from mnsf_ros.simulation.traffic import Traffic, draw_profile, standing_start
 
@@ -72,25 +74,12 @@ _SWAY: Final = np.array([0.0020, 0.0015, 0.010])
 _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
-@dataclass(frozen=True)
-class StreetScene:
-    """Street, everything on it, and the vehicle with its lidar.
-
-    `wetness` of all surfaces is 0 to 1; `text` describes the scene in a line.
-    """
-
-    street: Street
-    bodies: tuple[Body, ...]
-    ego: SensorTrip
-    sensor: Sensor
-    text: str
-    wetness: float = 0.0
-
-
-def build_scene(settings: SimulationSettings) -> StreetScene:
+def build_scene(settings: SimulationSettings) -> Scene:
     """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: another lidar does not change the traffic.
     lidar, place, traffic, others = np.random.default_rng([settings.seed, 4]).spawn(4)
+    if settings.scenario in INDOORS:
+        return rooms_scene(settings, lidar, place, traffic)
     scenario = scenario_of(settings)
     draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
@@ -131,7 +120,7 @@ class _World:
         self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
         self._things = [*self._things_at_rest(rng), *self._conditions(draws)]
 
-    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> StreetScene:
+    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
         """Returns the scene with traffic drawn; `text` describes the lidar."""
         traffic = Traffic(
             self._scenario,
@@ -148,7 +137,7 @@ class _World:
         slope = f", slope {self._street.slope.grade:.0%}" if self._street.slope.grade else ""
         world = f"{self._place}{slope}; {self._ego_kind}, {self._speed_m_s:.1f} m/s; {counts}"
         everything = (*self._things, *chain(*(bodies for _, bodies in groups)))
-        return StreetScene(self._street, everything, self._ego, sensor, f"{text}; {world}")
+        return Scene(self._street, everything, self._ego, sensor, f"{text}; {world}")
 
     def _ground(self, rng: np.random.Generator) -> Street:
         wavelength_m = rng.uniform(60.0, 200.0)
