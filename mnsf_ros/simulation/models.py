@@ -324,3 +324,29 @@ def tunnel(rng: np.random.Generator) -> Model:
         for x in rng.uniform(-9.5, 9.5, 3).tolist()
     ]
     return Model(SurfaceClass.BUILDING, tuple(shapes), 20.0, 14.4, rng.uniform(40.0, 60.0))
+
+
+def shelf(rng: np.random.Generator) -> Model:
+    """Returns a full shelf along x."""
+    half, deep = rng.uniform(0.5, 1.5), rng.uniform(0.15, 0.3)
+    shapes = (box((-half, half), (-deep, deep), (0.0, rng.uniform(1.8, 2.3))),)
+    return Model(SurfaceClass.BUILDING, shapes, 2 * half, 2 * deep, rng.uniform(40.0, 100.0))
+
+
+def table(rng: np.random.Generator) -> Model:
+    """Returns a table: a top on four legs."""
+    half, side, top = rng.uniform(0.4, 1.0), rng.uniform(0.3, 0.5), rng.uniform(0.7, 0.8)
+    shapes = [box((-half, half), (-side, side), (top - 0.04, top))]
+    shapes += [
+        cylinder(x * (half - 0.06), y * (side - 0.06), 0.03, (0.0, top - 0.04))
+        for x in (-1.0, 1.0)
+        for y in (-1.0, 1.0)
+    ]
+    return Model(SurfaceClass.BUILDING, tuple(shapes), 2 * half, 2 * side, rng.uniform(40.0, 100.0))
+
+
+def column(rng: np.random.Generator) -> Model:
+    """Returns a column that reaches the ceiling of most rooms."""
+    radius = rng.uniform(0.12, 0.3)
+    shapes = (cylinder(0.0, 0.0, radius, (0.0, 6.0)),)
+    return Model(SurfaceClass.BUILDING, shapes, 2 * radius, 2 * radius, rng.uniform(60.0, 110.0))

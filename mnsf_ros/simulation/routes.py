@@ -147,19 +147,22 @@ class SensorTrip:
     """The trip of the sensor, with its mounting and the sway of the vehicle.
 
     The rows of `sway` (3, 3) are pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.
-    `mounting` is (pitch, roll, height) at rest.
+    `mounting` is (pitch, roll, height) at rest. `swing` to both sides is a yaw in the same columns.
     """
 
     trip: Trip
     sway: AnyFloats
     mounting: tuple[float, float, float]
+    swing: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def world_from_sensor(self, time_s: float) -> AnyFloats:
         """Returns the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
         amplitude, frequency, phase = self.sway.T
         sway = amplitude * np.sin(2 * math.pi * frequency * time_s + phase)
         pitch, roll, height_m = self.mounting + sway
-        pose = self.trip.pose(time_s) @ tilt(pitch, roll)
+        amplitude_rad, swing_hz, swing_phase = self.swing
+        yaw = amplitude_rad * math.sin(2 * math.pi * swing_hz * time_s + swing_phase)
+        pose = self.trip.pose(time_s) @ planar_pose(0.0, 0.0, yaw) @ tilt(pitch, roll)
         pose[2, 3] += height_m
         return pose
 

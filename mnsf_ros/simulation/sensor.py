@@ -53,6 +53,8 @@ class Sensor:
     # surfaces if infinite.
     reach_m: float = math.inf
     fog_per_m: float = 0.0  # share of the light lost to fog, if the reach is finite
+    # Whether each sweep measures in the same directions, as where an encoder starts the turn.
+    is_fixed: bool = False
 
     def sweep_times(
         self, number: int, rng: np.random.Generator
@@ -66,9 +68,10 @@ class Sensor:
     def rays(self, index: int, phase: float) -> Iterator[tuple[Rays, float]]:
         """Yields the rays sent at one time, and the seconds from the stamp until then.
 
-        Real lidars do not start each turn at the same angle: the columns of sweep `index` begin
-        `phase` (0 to 1) of a step behind the start.
+        Most lidars do not start each turn at the same angle: the columns of sweep `index` begin
+        `phase` (0 to 1) of a step behind the start, unless the directions are fixed.
         """
+        phase = 0.0 if self.is_fixed else phase
         num_columns = round(self.num_columns * (1.0 if self.is_rosette else self.degrees / 360))
         num_moments = _NUM_MOMENTS if self.is_rolling else 1
         if self.is_rosette:

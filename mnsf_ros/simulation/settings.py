@@ -14,12 +14,16 @@ from mnsf_ros.setting import check_declared, declared, settings_of
 Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", "random", "adverse", "standing", "turns")
+# Places under a roof; the lidar is on a robot, or carried by hand.
+INDOORS = ("rooms", "carried")
+SCENARIOS = ("street", "random", "adverse", "standing", "turns", *INDOORS)
 # Of adverse worlds, see conditions.py and docs/recordings.md; each world has some of them.
 CONDITIONS = ("jitter", "gaps", "body", "walls", "wet", "fog", "kerbs", "lidar", "groups")
 _CONDITION_SHARE = 0.4
 _DRAWN = "drawn"
-_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario", "conditions", "imu_hz")
+_OF_ALL_SCENARIOS = (
+    *("seed", "duration_s", "scenario", "conditions", "imu_hz", "stands_s", "directions"),
+)
 # Of a random world: names to shares, and to the lowest and highest speed.
 _PLACES = {"street": 0.35, "crossing": 0.2, "country road": 0.15, "square": 0.2, "tunnel": 0.1}
 _EGOS = {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
@@ -37,7 +41,7 @@ _NUMBERS = {0.0: 0.1, 4.0: 0.3, 12.0: 0.35, 30.0: 0.25}
 class SimulationSettings:
     """Settings of a simulation. Equal settings give equal recordings, byte for byte.
 
-    All scenarios but `street` draw all but `seed` and `duration_s`.
+    All scenarios but `street` draw lidar, rate and speed.
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range, or is set although the
@@ -50,13 +54,17 @@ class SimulationSettings:
     num_beams: int = declared(64, f"lasers: {', '.join(map(str, BEAM_CHOICES))}")
     num_columns: int = declared(1900, "azimuth steps of a sweep", 36, 8192)
     ego_speed_m_s: float = declared(8.0, "speed of the vehicle with the lidar", 0, 20)
+    stands_s: float = declared(0.0, "stands for so long, then accelerates with 3 m/s²", 0, 60)
     scenario: str = declared(
         "street",
         "random: drawn lidar, place, traffic; adverse: with conditions; standing: no movers; "
-        "turns: random, with hard turns",
+        "turns: random, with hard turns; rooms: indoors, on a robot; carried: indoors, by hand",
         choices=SCENARIOS,
     )
     imu_hz: float = declared(0.0, "turn rates of a cheap IMU per second on /imu, 0: none", 0, 1000)
+    directions: str = declared(
+        "changing", "fixed: each sweep measures in the same ones", choices=("changing", "fixed")
+    )
     conditions: str = declared(_DRAWN, f"of adverse, with commas: {', '.join(CONDITIONS)}")
 
     def __post_init__(self) -> None:

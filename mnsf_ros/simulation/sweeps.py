@@ -14,6 +14,7 @@ from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceC
 from mnsf_ros.simulation.imu import turn_rates
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.returns import SMOOTHNESS, are_returned, reflectance
+from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import brightness, ground_cosines, ground_hits, intensities
 from mnsf_ros.simulation.worlds import build_scene
@@ -43,8 +44,9 @@ class SweepSimulator:
         num_sweeps: Number of sweeps of the recording, at least one.
     """
 
-    def __init__(self, settings: SimulationSettings) -> None:
-        self.scene = build_scene(settings)
+    def __init__(self, settings: SimulationSettings, scene: Scene | None = None) -> None:
+        """Prepares the scene of the settings, or another one."""
+        self.scene = build_scene(settings) if scene is None else scene
         self.interval_s = 1.0 / self.scene.sensor.rate_hz
         num_turns = max(1, round(settings.duration_s * self.scene.sensor.rate_hz))
         self._turns, self.times_s = self.scene.sensor.sweep_times(
@@ -78,7 +80,7 @@ class SweepSimulator:
         sensor, turn = self.scene.sensor, int(self._turns[index])
         time_s, next_s = self.times_s[index : index + 2].tolist()
         rng = np.random.default_rng([self._seed, 1, turn])
-        # Without a phase a standing vehicle would measure the same points in each sweep.
+        # Without a phase a standing vehicle measures the same points in each sweep.
         moments = list(sensor.rays(turn, rng.uniform()))
         taken = [
             self._measured(rays, time_s + after_s, next_s + after_s, rng)

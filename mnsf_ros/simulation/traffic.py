@@ -20,6 +20,9 @@ _STEP_M = 0.25
 _TURN_RADIUS_M = 6.0
 _TURN_SPEED_M_S = 4.0
 _STRIDE_S = 0.4
+_START_M_S2: Final = 3.0
+# Breakpoints of a speed are apart, also where it stays 0.
+_TINY_M_S: Final = 1e-6
 # Movers that would meet something are left out; this many are tried for each that is wanted.
 _TRIES: Final = 4
 
@@ -233,3 +236,9 @@ def draw_profile(
     # Both a start and a stop happen early in a recording.
     begin_s = moment_s if behaviour == "starts" else moment_s - lasts_s
     return SpeedProfile(np.array([begin_s, begin_s + lasts_s]), np.array([first, last]))
+
+
+def standing_start(speed_m_s: float, stands_s: float) -> SpeedProfile:
+    """Returns a profile that stands for some seconds, then accelerates to a speed."""
+    ends_s = stands_s + max(speed_m_s, _TINY_M_S) / _START_M_S2
+    return SpeedProfile(np.array([stands_s, ends_s]), np.array([0.0, speed_m_s]))

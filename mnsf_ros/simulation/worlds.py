@@ -7,7 +7,7 @@ The ego vehicle begins near x = 0 and looks along +x.
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Final
@@ -17,6 +17,7 @@ import numpy as np
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Maker, Model
 from mnsf_ros.simulation.conditions import Draws, draws_of, sensor_under, wetness_under
+from mnsf_ros.simulation.rooms import rooms_scene
 from mnsf_ros.simulation.routes import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,
@@ -28,10 +29,11 @@ from mnsf_ros.simulation.routes import (
     SpeedProfile,
     Trip,
 )
+from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.sensor import Sensor, drawn_sensor, sensor_of
-from mnsf_ros.simulation.settings import Scenario, SimulationSettings, drawn, scenario_of
+from mnsf_ros.simulation.settings import INDOORS, Scenario, SimulationSettings, drawn, scenario_of
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
-from mnsf_ros.simulation.traffic import Traffic, draw_profile
+from mnsf_ros.simulation.traffic import Traffic, draw_profile, standing_start
 
 _LEAST_S: Final = 10.0
 _APART_M: Final = 0.02
@@ -72,34 +74,21 @@ _SWAY: Final = np.array([0.0020, 0.0015, 0.010])
 _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
-@dataclass(frozen=True)
-class StreetScene:
-    """Street, everything on it, and the vehicle with its lidar.
-
-    `wetness` of all surfaces is 0 to 1; `text` describes the scene in a line.
-    """
-
-    street: Street
-    bodies: tuple[Body, ...]
-    ego: SensorTrip
-    sensor: Sensor
-    text: str
-    wetness: float = 0.0
-
-
-def build_scene(settings: SimulationSettings) -> StreetScene:
+def build_scene(settings: SimulationSettings) -> Scene:
     """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: another lidar does not change the traffic.
     lidar, place, traffic, others = np.random.default_rng([settings.seed, 4]).spawn(4)
+    if settings.scenario in INDOORS:
+        return rooms_scene(settings, lidar, place, traffic)
     scenario = scenario_of(settings)
     draws = draws_of(scenario.conditions, others)
     sensor = sensor_of(settings) if settings.scenario == "street" else drawn_sensor(lidar)
-    sensor = sensor_under(sensor, draws)
+    sensor = replace(sensor_under(sensor, draws), is_fixed=settings.directions == "fixed")
     if scenario.turns_deg_s is not None:
         sensor = replace(sensor, is_rolling=True)
     # A shorter recording of a world is the beginning of a longer one.
     duration_s = max(settings.duration_s, _LEAST_S)
-    world = _World(scenario, duration_s, place, draws)
+    world = _World(scenario, duration_s, place, draws, settings.stands_s)
     rain = ["rain"] if sensor.rain_per_m else []
     text = ", ".join([sensor.kind, f"{sensor.rate_hz:g} Hz", *rain, *draws])
     return replace(world.scene(sensor, text, traffic), wetness=wetness_under(draws))
@@ -109,9 +98,14 @@ class _World:
     """A place with an ego vehicle."""
 
     def __init__(
-        self, scenario: Scenario, duration_s: float, rng: np.random.Generator, draws: Draws
+        self,
+        scenario: Scenario,
+        duration_s: float,
+        rng: np.random.Generator,
+        draws: Draws,
+        stands_s: float,
     ) -> None:
-        self._scenario, self._duration_s = scenario, duration_s
+        self._scenario, self._duration_s, self._stands_s = scenario, duration_s, stands_s
         # Laterals of walls that people can walk along.
         self._walls_m: list[float] = []
         # One second more than recorded: the last sweeps' truth looks one interval ahead.
@@ -126,7 +120,7 @@ class _World:
         self._clearance.accept((self._ego.trip, length_m, min(length_m, EGO_WIDTH_M)))
         self._things = [*self._things_at_rest(rng), *self._conditions(draws)]
 
-    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> StreetScene:
+    def scene(self, sensor: Sensor, text: str, rng: np.random.Generator) -> Scene:
         """Returns the scene with traffic drawn; `text` describes the lidar."""
         traffic = Traffic(
             self._scenario,
@@ -143,7 +137,7 @@ class _World:
         slope = f", slope {self._street.slope.grade:.0%}" if self._street.slope.grade else ""
         world = f"{self._place}{slope}; {self._ego_kind}, {self._speed_m_s:.1f} m/s; {counts}"
         everything = (*self._things, *chain(*(bodies for _, bodies in groups)))
-        return StreetScene(self._street, everything, self._ego, sensor, f"{text}; {world}")
+        return Scene(self._street, everything, self._ego, sensor, f"{text}; {world}")
 
     def _ground(self, rng: np.random.Generator) -> Street:
         wavelength_m = rng.uniform(60.0, 200.0)
@@ -175,6 +169,8 @@ class _World:
             turn_rad_s = math.radians(rng.uniform(*self._scenario.turns_deg_s))
             route = self._weaving(lateral, min(turn_rad_s, _TYRES_M_S2 / self._speed_m_s))
         profile = draw_profile(self._speed_m_s, self._scenario.behaviours, rng)
+        if self._stands_s:
+            profile = standing_start(self._speed_m_s, self._stands_s)
         at_m = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), lateral)[0, 1]))
         shaken = _SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
         frequency, phase = rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)

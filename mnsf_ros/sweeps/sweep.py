@@ -83,8 +83,10 @@ class Sweep:
         return (first_s + last_s) / 2
 
     def repeats(self, other: "Sweep") -> bool:
-        """Whether it has the points of another sweep, whatever its stamp."""
-        return self.fingerprint == other.fingerprint and np.array_equal(self.xyz, other.xyz)
+        """Whether it has the points of an older sweep."""
+        is_newer = self.stamp_ns > other.stamp_ns
+        is_like = is_newer and self.fingerprint == other.fingerprint
+        return is_like and np.array_equal(self.xyz, other.xyz)
 
     @cached_property
     def fingerprint(self) -> bytes:

@@ -34,6 +34,11 @@ def adverse(seed):
     return SweepSimulator(SimulationSettings(seed=seed, scenario="adverse"))
 
 
+def indoors(scenario, seed):
+    """The simulator of rooms."""
+    return SweepSimulator(SimulationSettings(seed=seed, scenario=scenario))
+
+
 def first_world(is_wanted, seeds=range(40)):
     """The first random world of a kind."""
     return next(each for each in map(world, seeds) if is_wanted(each.scene))
@@ -84,6 +89,7 @@ SIMULATORS = [
     exact_street,
     *(partial(world, seed) for seed in range(12)),
     *(partial(adverse, seed) for seed in range(3)),
+    *(partial(indoors, *each) for each in (("rooms", 1), ("rooms", 2), ("carried", 4))),
 ]
 
 
