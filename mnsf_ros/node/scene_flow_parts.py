@@ -95,7 +95,8 @@ class SceneFlowParts:
         return self._parameters.settings
 
     def _new_input_check(self, settings: Settings) -> InputCheck:
-        return InputCheck(settings, self._pipeline.mounting, self._pipeline.rotation)
+        mounting, rotation = self._pipeline.mounting, self._pipeline.rotation
+        return InputCheck(settings, mounting, rotation, is_live=True)
 
     def _join_topics(self, pause: str) -> None:
         """Makes the way of a sweep from its end to its start, so that each part has its next."""
@@ -153,7 +154,14 @@ class SceneFlowParts:
             tell = self._faults.inform if arrival is Arrival.GAP else self._faults.warn
             cause, stamp_s = REASONS[f"sweeps_{arrival.value}"], sweep.stamp_ns / NANOSECONDS
             tell(arrival.value, f"{cause}, at the stamp {stamp_s:.3f}")
+        self._check(sweep)
+
+    def _check(self, sweep: Sweep) -> None:
+        """Checks the input; what is wrong from now on is published at once."""
+        was_alarm = self._input_check.is_alarm
         self._input_check.add(sweep, self._input.num_parts)
+        if self._input_check.is_alarm and not was_alarm:
+            self._publish_diagnostics()
 
     def _tell_mounting(self, frame_id: str) -> None:
         mounting = self._pipeline.mounting
@@ -190,6 +198,7 @@ class SceneFlowParts:
         self._faults.unexpected(text, error)
 
     def _publish_diagnostics(self) -> None:
+        self._input_check.is_played = self._input.is_played
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(

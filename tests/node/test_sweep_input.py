@@ -284,6 +284,7 @@ class TestImu:
         assert it.input.state.imu == "none"
         publisher = it.advertised(Imu, "~/imu")
         self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)])
+        assert it.input.state.imu == "100 Hz, frame 'imu'"
         it.publish(drive.sweep(1))
         it.wait_for_sweeps(2)
         tf2.found["lidar", "imu", 0], tf2.is_upside_down = 0.0, True
@@ -294,7 +295,13 @@ class TestImu:
         assert it.events == ["imu_without_transform"]
         np.testing.assert_allclose(placed.turn_rates[:, 1:], 14 * [[0.1, -0.2, -0.3]], atol=1e-9)
         np.testing.assert_allclose(placed.turn_rates[-1, 0], 0.0, atol=1e-3)
-        assert it.input.state.imu == "100 Hz, frame 'imu'"
+
+    def test_that_is_silent_has_no_rate(self, make, drive):
+        it = make()
+        publisher = it.advertised(Imu, "~/imu")
+        self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)], frame_id="lidar")
+        it.spin_until(lambda: "silent" in it.input.state.imu, "silence")
+        assert it.input.state.imu == "silent for 1 s, frame 'lidar'"
 
     def test_of_the_frame_of_the_lidar_needs_no_transforms(self, make, drive):
         it = make()
