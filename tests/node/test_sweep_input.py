@@ -11,6 +11,7 @@ import types
 
 import numpy as np
 import pytest
+import rclpy
 from box_street import INTERVAL_NS, BoxStreet, pose
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
@@ -329,6 +330,16 @@ class TestImu:
         publisher = it.node.create_publisher(Imu, "~/imu", 10)
         it.spin_for(0.1)
         assert publisher.get_subscription_count() == 0
+
+
+@pytest.mark.parametrize("name", ["rosbag2_player", "mnsf_play", "driver"])
+def test_players_of_recordings_are_known_by_their_name(make, name):
+    it = make()
+    player = rclpy.create_node(name)
+    player.create_publisher(PointCloud2, "/input/points", 10)
+    it.spin_until(lambda: it.input.state.num_publishers == 2, "the player")
+    assert it.input.is_played == (name != "driver")
+    player.destroy_node()
 
 
 class TestSeveralLidars:
