@@ -60,15 +60,16 @@ class Fault:
 
 @dataclass(frozen=True)
 class Told:
-    """What was said of a fault, and after how many seconds; empty if nothing was."""
+    """What was said of a fault, and after how many seconds; no text if nothing was."""
 
     text: str = ""
-    after_s: float = float("nan")
+    after_s: float = 0.0
 
     def row(self, name: str) -> list[str]:
         """Cells for the table."""
         text = self.text if len(self.text) <= _MAX_TEXT else f"{self.text[:_MAX_TEXT]} ..."
-        return [name, text or "-", f"{self.after_s:.1f}", "yes" if self.text else "NO"]
+        after = f"{self.after_s:.1f}" if self.text else ""
+        return [name, text or "-", after, "yes" if self.text else "NO"]
 
 
 def main() -> None:

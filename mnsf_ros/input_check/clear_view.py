@@ -19,6 +19,7 @@ _MAX_WAY: Final = 0.1
 _MAX_OFF: Final = 0.3
 # Of the inverse of the range: along a plane it changes evenly, however slanted the plane is.
 _MIN_BEND: Final = 0.2
+# Fog hides the rest from here on; trees and crowds around a robot scatter less.
 _MIN_NEAR: Final = 0.4
 _MIN_SCATTERED: Final = 0.4
 _MIN_TRIPLES: Final = 50
