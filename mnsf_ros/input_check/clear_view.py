@@ -19,9 +19,10 @@ _MAX_WAY: Final = 0.1
 _MAX_OFF: Final = 0.3
 # Of the inverse of the range: along a plane it changes evenly, however slanted the plane is.
 _MIN_BEND: Final = 0.2
-# Fog hides the rest from here on; trees and crowds around a robot scatter less.
 _MIN_NEAR: Final = 0.4
-_MIN_SCATTERED: Final = 0.4
+# Of near points. With 70 % of the returns scattered within 4 m .43 to .9, .73 in the median of 33
+# streams; without .38 at most in 61 streams, but for a single cloud with .51.
+_MIN_SCATTERED: Final = 0.5
 _MIN_TRIPLES: Final = 50
 _NUM_DUE: Final = 2
 # A door that closes and a wall that comes near take longer than these clouds.

@@ -21,7 +21,7 @@ _NUM_BEFORE: Final = 50
 _MIN_BEFORE: Final = 20
 _NUM_NOW: Final = 3
 # Of the usual number of points; below it a side, or the cloud, is gone. In 70 simulated streams and
-# those of ten real lidars at least .4 and .7 were left, past buses and in and out of tunnels.
+# those of eleven real lidars at least .4 and .7 were left, past buses and in and out of tunnels.
 _GONE: Final = 0.1
 _FEW: Final = 0.25
 # It is back above this.
