@@ -32,13 +32,18 @@ class ComputerClock(Assumption):
         self.is_played = False
         self._is_live = is_live
         self._ages_s: deque[float] = deque(maxlen=_NUM_LAST)
+        self._last_ns = 0
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next cloud."""
+        stamp_ns, last_ns = sample.sweep.stamp_ns, self._last_ns
+        self._last_ns = stamp_ns
+        if stamp_ns <= last_ns:
+            # Stamps that stay or go back are those of no clock.
+            self._ages_s.clear()
         # Under use_sim_time the clock stands at 0 until somebody publishes it.
         if sample.cloud is not None and sample.cloud.is_stamped and sample.cloud.received_ns:
-            age_ns = sample.cloud.received_ns - sample.sweep.stamp_ns
-            self._ages_s.append(age_ns / NANOSECONDS)
+            self._ages_s.append((sample.cloud.received_ns - stamp_ns) / NANOSECONDS)
 
     def facts(self) -> dict[str, str]:
         """Age of the stamps, in words."""

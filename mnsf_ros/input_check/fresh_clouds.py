@@ -26,10 +26,14 @@ class FreshClouds(Assumption):
         self._before: deque[bytes] = deque(maxlen=_NUM_BEFORE)
         self._are_repeated: deque[bool] = deque(maxlen=_NUM_LAST)
         self._episodes = Episodes(memory)
+        self._last_ns: int | None = None
 
     def add(self, sample: SweepSample) -> None:
         """Takes the next cloud."""
-        if len(sample.sweep) == 0:
+        # One that comes twice under its own stamp is a duplicate, which the flow tells.
+        is_duplicate = sample.sweep.stamp_ns == self._last_ns
+        self._last_ns = sample.sweep.stamp_ns
+        if len(sample.sweep) == 0 or is_duplicate:
             return
         fingerprint = sample.sweep.fingerprint
         self._are_repeated.append(fingerprint in self._before)

@@ -156,6 +156,10 @@ def test_a_cloud_that_is_delivered_twice_is_no_fault():
     assert not wrong(added(clouds))
 
 
+def test_clouds_that_come_twice_under_their_own_stamp_are_duplicates():
+    assert not wrong(added(one for one in street()[:10] for _ in range(2)))
+
+
 def test_another_place_after_a_gap_is_no_fault():
     after = [
         replace(behind_a_hand(one), stamp_ns=one.stamp_ns + 2 * 10**9) for one in street()[BEGIN:]
@@ -258,6 +262,14 @@ def test_old_stamps_of_a_recording_that_is_played_are_a_note():
 def test_one_late_cloud_is_no_clock():
     ages_s = [0.1, 0.1, 5.0, 0.1, 0.1, 0.1, 5.0]
     assert not wrong(added(map(received, street(), ages_s), new_check(is_live=True)))
+
+
+@pytest.mark.parametrize("step_ns", [0, -(10**8)])
+def test_stamps_that_stay_or_go_back_are_of_no_clock(step_ns):
+    first = street()[0]
+    clouds = [replace(one, stamp_ns=first.stamp_ns + step_ns * k) for k, one in enumerate(street())]
+    check = added(map(received, clouds, np.arange(END) / 5), new_check(is_live=True))
+    assert not any("clock of the computer" in finding.found for finding in check.findings())
 
 
 def turning(number, last_s):
