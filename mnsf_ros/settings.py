@@ -509,7 +509,11 @@ class NodeSettings:
         3600,
     )
     max_latency_ms: float = declared(
-        0.0, "Warn if the 95th percentile of the latency is above this; 0: no limit", 0, 3_600_000
+        # Someone on foot goes on by their own size.
+        500.0,
+        "Warn if the 95th percentile of the latency is above this; 0: no limit",
+        0,
+        3_600_000,
     )
     max_failures: int = declared(
         3, "Report an error if more estimates than this fail in a row", 0, 1000

@@ -16,6 +16,11 @@ class Assumption:
     def move(self, step: Step) -> None:
         """Takes the motion between two sweeps, after both."""
 
+    @property
+    def is_alarm(self) -> bool:
+        """Whether it stopped to hold just now, which should be told at once."""
+        return False
+
     def facts(self) -> dict[str, str]:
         """Name to what was measured, in words."""
         return {}

@@ -8,19 +8,27 @@ import numpy as np
 
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
+from mnsf_ros.input_check.clear_view import ClearView
 from mnsf_ros.input_check.cloud_layout import CloudLayout
+from mnsf_ros.input_check.computer_clock import ComputerClock
+from mnsf_ros.input_check.episodes import LIVE_MEMORY
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.fresh_clouds import FreshClouds
 from mnsf_ros.input_check.imu_fit import ImuFit
+from mnsf_ros.input_check.imu_goes_on import ImuGoesOn
 from mnsf_ros.input_check.level_frame import LevelFrame
 from mnsf_ros.input_check.odometry_fit import OdometryFit
 from mnsf_ros.input_check.point_times import TimesOfPoints
 from mnsf_ros.input_check.revolution import Revolution
 from mnsf_ros.input_check.robot_in_view import RobotInView
 from mnsf_ros.input_check.stamps import Stamps
-from mnsf_ros.input_check.sweep_sample import Located, Step, SweepSample
+from mnsf_ros.input_check.steady_axes import SteadyAxes
+from mnsf_ros.input_check.steady_scale import SteadyScale
+from mnsf_ros.input_check.sweep_sample import MAX_STEP_S, Located, Step, SweepSample
+from mnsf_ros.input_check.whole_view import WholeView
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.mounting_estimate import MountingEstimate
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 # One cloud of so many is looked at: what is wrong with it is wrong with most, and it costs 2 ms.
 _EVERY: Final = 8
@@ -36,7 +44,12 @@ class InputCheck:
     """
 
     def __init__(
-        self, settings: Settings, mounting: MountingEstimate, rotation: LidarRotation
+        self,
+        settings: Settings,
+        mounting: MountingEstimate,
+        rotation: LidarRotation,
+        *,
+        is_live: bool = False,
     ) -> None:
         """Starts without clouds.
 
@@ -44,17 +57,28 @@ class InputCheck:
             settings: Those of the stream.
             mounting: That of the stream.
             rotation: That of the stream.
+            is_live: Whether the clouds come from a lidar now: what passed is told for a while only.
         """
         self.num_clouds = 0
+        memory = LIVE_MEMORY if is_live else np.inf
+        self._clock = ComputerClock(is_live=is_live)
+        self._last_cloud = ("", 0)  # frame and stamp
         self._mounting = mounting
         self._lock = threading.Lock()
         self._assumptions: tuple[Assumption, ...] = (
+            FreshClouds(memory),
+            WholeView(memory),
+            SteadyScale(memory),
+            SteadyAxes(memory),
             CloudLayout(),
             Revolution(),
             Stamps(),
             TimesOfPoints(rotation),
             LevelFrame(mounting),
             RobotInView(is_searched=settings.crop.own_body == "auto"),
+            self._clock,
+            ClearView(memory),
+            ImuGoesOn(memory),
         )
         self._by_registration: tuple[Assumption, ...] = (OdometryFit(settings.ego_motion), ImuFit())
         self._all: tuple[Assumption, ...] = (*self._assumptions, *self._by_registration)
@@ -66,9 +90,31 @@ class InputCheck:
             self.num_clouds += 1
             found = self._mounting.found
             lens_m = np.zeros(3) if found is None else found.lens_m
-            sample = SweepSample(cloud, self.num_clouds % _EVERY == 1, num_parts, lens_m)
+            is_due, is_continued = self.num_clouds % _EVERY == 1, self._continues(cloud)
+            sample = SweepSample(cloud, is_due, num_parts, lens_m, is_continued)
             for assumption in self._all:
                 assumption.add(sample)
+
+    def _continues(self, cloud: Sweep) -> bool:
+        """Whether the last cloud was taken from nearly the same place."""
+        (frame_id, last_ns), now_ns = self._last_cloud, cloud.stamp_ns
+        self._last_cloud = cloud.frame_id, now_ns
+        return frame_id == cloud.frame_id and 0 < now_ns - last_ns < MAX_STEP_S * NANOSECONDS
+
+    @property
+    def is_alarm(self) -> bool:
+        """Whether something stopped to hold just now, which should be told at once."""
+        with self._lock:
+            return any(one.is_alarm for one in self._assumptions)
+
+    @property
+    def is_played(self) -> bool:
+        """Whether the clouds come from a program that plays recordings; it can be set."""
+        return self._clock.is_played
+
+    @is_played.setter
+    def is_played(self, is_played: bool) -> None:
+        self._clock.is_played = is_played
 
     def locate(self, located: Located | None) -> None:
         """Takes the pose of the next sweep, if that is known."""

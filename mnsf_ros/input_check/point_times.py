@@ -159,7 +159,7 @@ class TimesOfPoints(Assumption):
 
 def _measured(times_s: Floats, sample: SweepSample) -> _Times:
     low_s, high_s = np.quantile(times_s, (0.01, 0.99))
-    turn, by_azimuth = Turn.of(sample.azimuths / (2 * np.pi), times_s), None
+    turn, by_azimuth = sample.turn, None
     if turn is not None and not sample.lens_m.any():
         by_azimuth = turn.by_azimuth(float(times_s.min() + times_s.max()) / 2)
     return _Times(

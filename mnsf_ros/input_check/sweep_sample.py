@@ -9,13 +9,15 @@ import numpy as np
 
 from mnsf_ros.arrays import Bools, Floats, Floats32, Ints
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.input_check.glance import Glance
+from mnsf_ros.sweeps.azimuth_times import Turn
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 # A share of 1 % is known to .2 % from one sweep.
 _NUM_POINTS: Final = 2048
-_RUN: Final = 8  # neighbours, which are in the same line of the cache
+RUN: Final = 8  # neighbours, which are in the same line of the cache
 NUM_SECTORS: Final = 72
-_MAX_STEP_S: Final = 1.0
+MAX_STEP_S: Final = 1.0
 _MAX_STEP_M: Final = 10.0
 
 
@@ -28,12 +30,19 @@ class SweepSample:
         is_due: Whether to look at its points; some sweeps tell enough.
         num_parts: Clouds of its revolution.
         lens_m: (3,) metres, the lens in the frame of the cloud, as far as it is known.
+        is_continued: Whether it follows the cloud before it, without a gap.
     """
 
     sweep: Sweep
     is_due: bool = True
     num_parts: int = 1
     lens_m: Floats = field(default_factory=lambda: np.zeros(3))
+    is_continued: bool = True
+
+    @cached_property
+    def glance(self) -> Glance | None:
+        """A look at fewer points, for what is watched in each cloud; None without points."""
+        return Glance.of(self.sweep, self.lens_m)
 
     @cached_property
     def rows(self) -> Ints:
@@ -41,8 +50,8 @@ class SweepSample:
         number = len(self.sweep)
         rows = np.arange(number)
         if number > _NUM_POINTS:
-            starts = np.random.default_rng(number).integers(0, number - _RUN, _NUM_POINTS // _RUN)
-            rows = (np.sort(starts)[:, None] + np.arange(_RUN)).ravel()
+            starts = np.random.default_rng(number).integers(0, number - RUN, _NUM_POINTS // RUN)
+            rows = (np.sort(starts)[:, None] + np.arange(RUN)).ravel()
         return rows[self.sweep.xyz[rows].any(axis=1)]
 
     @cached_property
@@ -76,6 +85,12 @@ class SweepSample:
         """(K,) seconds from the stamp; None if unknown."""
         times_s = self.sweep.times_s
         return None if times_s is None else times_s[self.rows].astype(np.float64)
+
+    @cached_property
+    def turn(self) -> Turn | None:
+        """Rotation of the lidar by the times of points; None if unknown, or if it does not turn."""
+        times_s = self.times_s
+        return None if times_s is None else Turn.of(self.azimuths / (2 * np.pi), times_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +132,7 @@ class Step:
     @property
     def is_possible(self) -> bool:
         """False at a gap, and into another world."""
-        return 0 < self.interval_s < _MAX_STEP_S and self.way_m < _MAX_STEP_M
+        return 0 < self.interval_s < MAX_STEP_S and self.way_m < _MAX_STEP_M
 
     @property
     def way_m(self) -> float:

@@ -13,6 +13,9 @@ from sensor_msgs.msg import PointCloud2
 from mnsf_ros.node.raw_topics import MessageTypeError, message_class
 from msg_utils.other_clouds import CLOUD_TYPE, COMPRESSED_TYPE, LIVOX_TYPES
 
+# Nodes that play recordings, whose stamps are old.
+OWN_PLAYER: Final = "mnsf_play"
+PLAYERS: Final = frozenset({OWN_PLAYER, "rosbag2_player"})
 # Clouds of a scene flow node, which may also be those of a recording that is played.
 _OWN_ENDS: Final = (
     *("/flow", "/flow/moving", "/flow/standing"),

@@ -201,7 +201,8 @@ class Diagnostics:
         limits, new, num_failed = settings.node, self._new, snapshot.failures_in_a_row
         idle_s = self._now_s - snapshot.last_s.get(FLOWS_OUT, -math.inf)
         is_ill = self._now_s - self._well.time_s > limits.stale_after_s
-        is_slow = 0 < limits.max_latency_ms < snapshot.latency_ms(95)
+        is_idle = idle_s > limits.stale_after_s
+        is_slow = not is_idle and 0 < limits.max_latency_ms < snapshot.latency_ms(95)
         failed = f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
         slowness = f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)"
         level, message = _first(
@@ -209,9 +210,9 @@ class Diagnostics:
             (is_ill, _ERROR, self._no_flow_text()),
             (num_failed, _WARN, "the last estimate failed"),
             (new[TRIPLETS_DROPPED], _WARN, self._overload_text()),
-            (is_slow, _WARN, slowness),
             (new[TRIPLETS_UNWATCHED], _OK, "resting: nobody subscribes to the flow"),
-            (load > 0 or idle_s <= limits.stale_after_s, _OK, "estimating"),
+            (is_slow, _WARN, slowness),
+            (load > 0 or not is_idle, _OK, "estimating"),
             (new[SWEEPS_RECEIVED], _OK, "waiting for the third sweep"),
             (True, _OK, "waiting for sweeps"),
         )

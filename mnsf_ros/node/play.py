@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any, Final, TypeVar
 
+from mnsf_ros.node.cloud_topics import OWN_PLAYER
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, begins_with_header
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CDR, CLOUD_TYPES
@@ -55,7 +56,7 @@ def play(
         RecordingError: Damage is met.
         MessageTypeError: No topic can be published.
     """
-    with RawTopics("mnsf_play") as ros:
+    with RawTopics(OWN_PLAYER) as ros:
         publishers = _publishers(reader, ros, topics, on_left_out)
         tell_time = ros.clock() if clock else None
         clouds = [one for one in publishers if reader.topics[one].msgtype in CLOUD_TYPES]

@@ -50,7 +50,7 @@ class SceneFlowParts:
         self._logger = node.get_logger()
         self._faults = faults
         self._mounting = ""  # as logged last
-        self._lost = ""  # as told last
+        self._told = ("", False)
         try:
             self._join_topics(pause)
         except RuntimeError as error:
@@ -96,7 +96,8 @@ class SceneFlowParts:
         return self._parameters.settings
 
     def _new_input_check(self, settings: Settings) -> InputCheck:
-        return InputCheck(settings, self._pipeline.mounting, self._pipeline.rotation)
+        mounting, rotation = self._pipeline.mounting, self._pipeline.rotation
+        return InputCheck(settings, mounting, rotation, is_live=True)
 
     def _join_topics(self, pause: str) -> None:
         """Makes the way of a sweep from its end to its start, so that each part has its next."""
@@ -193,12 +194,17 @@ class SceneFlowParts:
     def _refresh(self) -> None:
         self._input.refresh()
         # Whoever relies on the flow must not wait for the next diagnostics.
-        if self._pipeline.statistics.snapshot().lost != self._lost:
+        if self._urgent != self._told:
             self._publish_diagnostics()
+
+    @property
+    def _urgent(self) -> tuple[str, bool]:
+        """Why the ego motion is lost, and whether something in the input stopped to hold."""
+        return self._pipeline.statistics.snapshot().lost, self._input_check.is_alarm
 
     def _publish_diagnostics(self) -> None:
         message, snapshot = DiagnosticArray(), self._pipeline.statistics.snapshot()
-        self._lost = snapshot.lost
+        self._told, self._input_check.is_played = self._urgent, self._input.is_played
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
             snapshot,

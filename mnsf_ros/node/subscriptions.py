@@ -21,7 +21,7 @@ from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.stamped_rate import StampedRate
 from mnsf_ros.geometry.stamped_track import Stamped, StampedTrack
 from mnsf_ros.geometry.transforms import sensor_mount
-from mnsf_ros.node.cloud_topics import CloudSearch, cloud_class, fault_of
+from mnsf_ros.node.cloud_topics import PLAYERS, CloudSearch, cloud_class, fault_of
 from mnsf_ros.node.diagnostics import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, SWEEPS_LOST
 from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import TransformError, Transforms
@@ -40,7 +40,8 @@ _TRACK_QOS: Final = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFF
 # The reliability is a parameter of its own, because it changes.
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 
-# Clouds come more often, twice a second at least.
+_MIN_RATES: Final = 2
+# Clouds come more often, twice a second at least, and an IMU much more.
 _SILENCE_S = 1.0
 
 _MISSED = (
@@ -130,6 +131,12 @@ class InputSubscription:
     def num_publishers(self) -> int:
         """Publishers of the topic that are visible now."""
         return int(self._node.count_publishers(self.topic))
+
+    @property
+    def is_played(self) -> bool:
+        """Whether a publisher of the topic is known to play recordings."""
+        publishers = self._node.get_publishers_info_by_topic(self.topic)
+        return any(publisher.node_name in PLAYERS for publisher in publishers)
 
     @property
     def is_searching(self) -> bool:
@@ -238,7 +245,13 @@ class TrackSubscription(Generic[Item]):
         self._node, self._topic, self._message_type = node, topic, message_type
         self._decode, self._report = decode, report
         self._name = topic.removeprefix("~/")
+        self._heard_s = -math.inf
         self._subscription: Any = None
+
+    @property
+    def silence_s(self) -> float:
+        """Seconds since the last message, whatever its stamp."""
+        return time.monotonic() - self._heard_s
 
     def remember(self, track: StampedTrack[Item], *, is_wanted: bool) -> None:
         """Remembers in another track from now on; subscribes if messages are wanted."""
@@ -252,6 +265,7 @@ class TrackSubscription(Generic[Item]):
             self._subscription = None
 
     def _on_message(self, message: Any) -> None:  # noqa: ANN401 - of any type
+        self._heard_s = time.monotonic()
         try:
             item = self._decode(message)
         except MessageError as error:
@@ -315,13 +329,17 @@ class ImuInput:
 
     @property
     def text(self) -> str:
-        """Frame and rate in words."""
+        """Frame and rate, or silence, in words."""
         frame_id, rate_hz = self._track.frame_id, self._track.rate_hz
-        return f"{rate_hz:.0f} Hz, frame {frame_id!r}" if rate_hz else "none"
+        if not rate_hz:
+            return "none"
+        silence_s = self._messages.silence_s
+        text = f"{rate_hz:.0f} Hz" if silence_s < _SILENCE_S else f"silent for {silence_s:.0f} s"
+        return f"{text}, frame {frame_id!r}"
 
     def turning(self, sweep: Sweep) -> Sweep:
         """Returns the sweep with its turn rates, if they and the rotation of the IMU are known."""
-        if not self._track.rate_hz:
+        if len(self._track) < _MIN_RATES:
             return sweep
         rates = self._track.around(sweep)
         if not are_covered(rates, *sweep.span_s):

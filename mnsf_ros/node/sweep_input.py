@@ -125,6 +125,11 @@ class SweepInput:
         return self._subscriptions[0].is_searching
 
     @property
+    def is_played(self) -> bool:
+        """Whether clouds come from a program that plays recordings, whose stamps are old."""
+        return any(subscription.is_played for subscription in self._subscriptions)
+
+    @property
     def silence(self) -> str:
         """Why no sweep comes, as far as the ROS graph tells."""
         causes = [fault for one in self._subscriptions if (fault := one.fault)]

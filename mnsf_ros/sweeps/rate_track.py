@@ -2,6 +2,7 @@
 """Recent turn rates of a gyroscope, and those around a sweep."""
 
 from collections.abc import Iterable
+from itertools import takewhile
 from typing import Final
 
 import numpy as np
@@ -28,11 +29,15 @@ class RateTrack(StampedTrack[StampedRate]):
 
     @property
     def rate_hz(self) -> float:
-        """Mean number of rates a second; 0 if unknown."""
+        """Mean number of rates a second, in the last second of them; 0 if unknown."""
         if len(self._items) < 2:
             return 0.0
-        span_ns = self._items[-1].stamp_ns - self._items[0].stamp_ns
-        return (len(self._items) - 1) / (span_ns / NANOSECONDS)
+        last_ns = self._items[-1].stamp_ns
+        own = takewhile(lambda item: item.stamp_ns >= last_ns - NANOSECONDS, reversed(self._items))
+        stamps_ns = [item.stamp_ns for item in own]
+        if len(stamps_ns) < 2:
+            stamps_ns.append(self._items[-2].stamp_ns)
+        return (len(stamps_ns) - 1) * NANOSECONDS / (last_ns - stamps_ns[-1])
 
     @property
     def frame_id(self) -> str:

@@ -22,8 +22,10 @@ USUAL_INTERVAL_S = 0.1
 # (3, 3), of beams that turn about the z of the sensor's frame.
 NOT_TILTED = np.eye(3)
 NOT_TILTED.flags.writeable = False
-# Points that tell clouds apart: the noise of a lidar changes each of them.
-_NUM_PRINTED: Final = 512
+NUM_SOME: Final = 512
+# Where some points are in a cloud, 0 to 1: one in each part, as the noise of a lidar changes each
+# point. At even steps there would be the same few beams of some clouds.
+_SOME: Final = (np.arange(NUM_SOME) + np.random.default_rng(0).random(NUM_SOME)) / NUM_SOME
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +91,20 @@ class Sweep:
         return is_like and np.array_equal(self.xyz, other.xyz)
 
     @cached_property
+    def some_xyz(self) -> Floats32:
+        """(512, 3) metres, some of the points, spread over the cloud; (0, 3) without any."""
+        return (
+            self.xyz.take((_SOME * len(self)).astype(np.int64), axis=0) if len(self) else self.xyz
+        )
+
+    @cached_property
     def fingerprint(self) -> bytes:
         """8 bytes that are equal for equal clouds: of some points, and of their number.
 
         Stamps do not count. Without noise a change of few points may go unnoticed: see `repeats`.
         """
-        number = len(self)
-        few = self.xyz[:: 1 + number // _NUM_PRINTED]
-        return hashlib.blake2b(
-            few.tobytes(), digest_size=8, salt=number.to_bytes(8, "little")
-        ).digest()
+        salt = len(self).to_bytes(8, "little")
+        return hashlib.blake2b(self.some_xyz.tobytes(), digest_size=8, salt=salt).digest()
 
     @property
     def rings(self) -> NDArray[np.integer[Any]] | None:

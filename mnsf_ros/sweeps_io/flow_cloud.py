@@ -38,6 +38,7 @@ class CloudSource:
     num_untimed: int = 0  # points that were left out because their time cannot be right
     recording: str = ""  # its name
     parts: Sequence[Sweep] = ()  # each with its cloud, if several
+    received_ns: int = 0  # when the message came, by the clock of the receiver; 0 if unknown
 
     @property
     def num_points(self) -> int:
@@ -82,8 +83,8 @@ class CloudReader:
     def sweep(self, message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
         """Returns the measured points of a cloud, with a CloudSource as `source`.
 
-        The stamp is `now_ns` if the message has none. Points without a usable time are left out, if
-        the others have one.
+        It was received at `now_ns`, 0 if unknown; a message without a stamp gets that one. Points
+        without a usable time are left out, if the others have one.
 
         Raises:
             MessageError: If the message cannot be decoded.
@@ -104,7 +105,9 @@ class CloudReader:
                 self._has_untimed, num_untimed = True, int(np.count_nonzero(~timed))
                 measured[measured] = timed
                 xyz, times = xyz[timed], replace(times, times_s=times.times_s[timed])
-        source = CloudSource(message, measured, times, own_stamp_ns != 0, num_untimed)
+        source = CloudSource(
+            message, measured, times, own_stamp_ns != 0, num_untimed, received_ns=now_ns
+        )
         return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 
     @property

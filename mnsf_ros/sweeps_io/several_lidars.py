@@ -232,7 +232,8 @@ def _joined(
     encoded = encode_columns({**columns, **further}, 1, len(xyz))
     cloud = SimpleNamespace(**vars(encoded), data=encoded.data, header=header)
     times = PointTimes(times_s, f"{sweeps[0].source.times.source}, of merged clouds")
-    source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)
+    received_ns = sweeps[0].source.received_ns
+    source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times, received_ns=received_ns)
     return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
 
 

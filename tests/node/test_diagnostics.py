@@ -216,6 +216,12 @@ class TestLevels:
         assert story.says(**{"node.max_latency_ms": 130.0})[1] == (OK, "estimating")
         text = "latency above 100 ms (node.max_latency_ms)"
         assert story.says(**{"node.max_latency_ms": 100})[1] == (WARN, text)
+        story.estimate(latency_ms=3000.0)
+        assert story.says()[1] == (WARN, "latency above 500 ms (node.max_latency_ms)")
+        assert story.says(**{"node.max_latency_ms": 0})[1] == (OK, "estimating")
+        # Of flows that nobody wants any more.
+        story.count("triplets_unwatched")
+        assert story.says()[1] == (OK, "resting: nobody subscribes to the flow")
 
     def test_of_silence_have_its_cause_and_log_each_once(self, story):
         story.receive()

@@ -11,6 +11,7 @@ import types
 
 import numpy as np
 import pytest
+import rclpy
 from box_street import INTERVAL_NS, BoxStreet, pose
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
@@ -284,6 +285,7 @@ class TestImu:
         assert it.input.state.imu == "none"
         publisher = it.advertised(Imu, "~/imu")
         self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)])
+        assert it.input.state.imu == "100 Hz, frame 'imu'"
         it.publish(drive.sweep(1))
         it.wait_for_sweeps(2)
         tf2.found["lidar", "imu", 0], tf2.is_upside_down = 0.0, True
@@ -294,7 +296,13 @@ class TestImu:
         assert it.events == ["imu_without_transform"]
         np.testing.assert_allclose(placed.turn_rates[:, 1:], 14 * [[0.1, -0.2, -0.3]], atol=1e-9)
         np.testing.assert_allclose(placed.turn_rates[-1, 0], 0.0, atol=1e-3)
-        assert it.input.state.imu == "100 Hz, frame 'imu'"
+
+    def test_that_is_silent_has_no_rate(self, make, drive):
+        it = make()
+        publisher = it.advertised(Imu, "~/imu")
+        self.send(it, publisher, drive, 20 * [(0.1, 0.2, 0.3)], frame_id="lidar")
+        it.spin_until(lambda: "silent" in it.input.state.imu, "silence")
+        assert it.input.state.imu == "silent for 1 s, frame 'lidar'"
 
     def test_of_the_frame_of_the_lidar_needs_no_transforms(self, make, drive):
         it = make()
@@ -322,6 +330,16 @@ class TestImu:
         publisher = it.node.create_publisher(Imu, "~/imu", 10)
         it.spin_for(0.1)
         assert publisher.get_subscription_count() == 0
+
+
+@pytest.mark.parametrize("name", ["rosbag2_player", "mnsf_play", "driver"])
+def test_players_of_recordings_are_known_by_their_name(make, name):
+    it = make()
+    player = rclpy.create_node(name)
+    player.create_publisher(PointCloud2, "/input/points", 10)
+    it.spin_until(lambda: it.input.state.num_publishers == 2, "the player")
+    assert it.input.is_played == (name != "driver")
+    player.destroy_node()
 
 
 class TestSeveralLidars:

@@ -83,3 +83,11 @@ def test_rates_of_another_frame_replace_all_before():
     assert track.add(StampedRate.of(imu(5, frame_id="other")))
     assert track.frame_id == "other"
     assert len(track.around(sweep_at(20))) == 1
+
+
+def test_the_rate_is_that_of_the_last_second():
+    often, seldom = range(0, 2000, 5), range(2000, 3200, 20)
+    assert track_of(*often).rate_hz == pytest.approx(200.0)
+    assert track_of(*often, *seldom).rate_hz == pytest.approx(50.0)
+    assert track_of(0, 5000).rate_hz == pytest.approx(0.2)
+    assert track_of(0).rate_hz == 0.0
