@@ -106,6 +106,8 @@ class _Rotations(NamedTuple):
     since_last: Floats | None
 
 
+# Of a motion that fits an earlier sweep, per step.
+_FOUND_AGAIN: Final = np.diag(np.square([0.03] * 3 + [0.01] * 3))
 _NOT_MEASURED: Final = _Rotations(None, None)
 
 
@@ -175,10 +177,7 @@ class EgoMotion:
                 turned = motion
             else:
                 source, lost, turned = EgoSource.LOST, found.reason, found.best
-                motion = self._guessed(before, interval_ns, trusted.since_last)
-                self._registration.start(sweep, before @ motion)
-                if found.next is not None:
-                    self._last_motion, self._last_interval_ns = found.next, interval_ns
+                motion = self._go_on(found, before, sweep, interval_ns, trusted.since_last)
         else:
             self._registration.stop()
             self._deskewing.expected = self._deskewing.of_step(sweep, motion, interval_ns)
@@ -235,11 +234,28 @@ class EgoMotion:
         self._deskewing.turns = measured.during if is_trusted else None
         return failures[0]
 
-    def _guessed(self, world_from_last: Floats, interval_ns: int, turn: Floats | None) -> Floats:
-        """(4, 4) last_from_sweep if the last motion continues; no motion if it is not known."""
-        expected = self._expected(world_from_last, interval_ns, turn)
-        known = np.eye(4) if expected is None else np.linalg.inv(world_from_last) @ expected.pose
-        return np.asarray(known, np.float64)
+    def _go_on(
+        self,
+        lost: Lost,
+        world_from_last: Floats,
+        sweep: Sweep,
+        interval_ns: int,
+        turn: Floats | None,
+    ) -> Floats:
+        """Begins anew after a sweep is lost; (4, 4) last_from_sweep, a guess.
+
+        By an earlier sweep, else as if the last motion continued, else without motion.
+        """
+        if lost.again is not None:
+            self._last_motion, self._last_interval_ns = lost.again.step, interval_ns
+            self._last_covariance = _FOUND_AGAIN
+            self._registration.start_again(sweep, lost.again)
+            pose = lost.again.pose
+        else:
+            expected = self._expected(world_from_last, interval_ns, turn)
+            pose = world_from_last if expected is None else expected.pose
+            self._registration.start(sweep, pose)
+        return np.asarray(np.linalg.inv(world_from_last) @ pose, np.float64)
 
     def _expected(
         self, world_from_last: Floats, elapsed_ns: int, turn: Floats | None

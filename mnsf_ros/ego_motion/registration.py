@@ -50,12 +50,28 @@ class Lost(NamedTuple):
     Attributes:
         reason: Why.
         best: (4, 4) last_from_sweep that explains most; None if nothing is found.
-        next: (4, 4) that the next step is expected to equal; None if unknown.
+        again: Its pose by an earlier sweep, to go on with; None if that is not known either.
     """
 
     reason: str
     best: Floats | None = None
-    next: Floats | None = None
+    again: "FoundAgain | None" = None
+
+
+class FoundAgain(NamedTuple):
+    """A sweep registered with an earlier one than the last.
+
+    Attributes:
+        pose: (4, 4) its pose.
+        step: (4, 4) that the next step is expected to equal.
+        cloud: Its points for the map.
+        map: That of the earlier sweep alone.
+    """
+
+    pose: Floats
+    step: Floats
+    cloud: Cloud
+    map: SweepMatcher
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +169,13 @@ class Registration:
         self._witnesses.clear()
         self._remember(sweep)
 
+    def start_again(self, sweep: Sweep, again: FoundAgain) -> None:
+        """Goes on with an earlier sweep and the newest one, and forgets those between."""
+        self._map = again.map
+        self._map.add(again.cloud, Placed(again.pose))
+        self._witnesses.clear()
+        self._remember(sweep)
+
     def stop(self) -> None:
         """Forgets all sweeps, as they are not needed."""
         self._map = None
@@ -238,15 +261,16 @@ class Registration:
         testimony = witness.testimony(match, pose)
         if not self._is_doubtful(testimony):
             return match
-        other = self._map_of(witness.cloud, witness.pose).match(match.cloud, None)
+        alone = self._map_of(witness.cloud, witness.pose)
+        other = alone.match(match.cloud, None)
         if other is None or not _are_others(pose, other.pose):
             return match
-        if not testimony.contradicts_more(witness.testimony(match, other.pose)):
+        if testimony.num_against <= witness.testimony(match, other.pose).num_against:
             return match
-        way = np.linalg.inv(witness.pose) @ other.pose
         share = pair.interval_ns / (stamp_ns - witness.stamp_ns)
-        reason = "the scene moved as one since some sweeps ago: the poses since then are wrong"
-        return Lost(reason, next=interpolated_pose(np.eye(4), way, share))
+        step = interpolated_pose(np.eye(4), np.linalg.inv(witness.pose) @ other.pose, share)
+        again = FoundAgain(other.pose, step, match.cloud, alone)
+        return Lost("the last steps do not add up to what an earlier sweep shows", again=again)
 
     def _map_of(self, cloud: Cloud, pose: Floats) -> SweepMatcher:
         matcher = SweepMatcher(self._settings)
