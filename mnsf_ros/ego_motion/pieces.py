@@ -21,9 +21,11 @@ _MIN_POINTS: Final = 5
 _MIN_HEIGHT_M: Final = 0.3
 _NEAR_M: Final = 2.0  # the robot itself is nearer
 _FAR_M: Final = 50.0  # farther out, points are too far apart
-# How far the nearest of the thinned points of the same surface may be.
+# How far the nearest of the thinned points of the same surface may be: besides, by so many steps
+# between the columns of the lidar, as on walls seen from aside.
 _SPACING_M: Final = 0.1
 _SPACING_PER_M: Final = 0.005
+_NUM_STEPS: Final = 0.75
 # Mean distance of a piece beyond that.
 _MAX_RESIDUAL_M: Final = 0.05
 # Fewer pieces are no majority.
@@ -44,15 +46,17 @@ class Pieces:
         points: (P, 3) float32, metres, frame of the sensor.
         owners: (P,) from 0 to K - 1, rising.
         counts: (K,) points of each.
+        spacing: (P,) float32, metres; another point so near may be of the same surface.
     """
 
     points: Floats32
     owners: Ints
     counts: Ints
+    spacing: Floats32
 
     @classmethod
-    def of(cls, cloud: Cloud) -> "Pieces":
-        """Returns the pieces of a cloud."""
+    def of(cls, cloud: Cloud, azimuth_step_rad: float) -> "Pieces":
+        """Returns the pieces of a cloud, whose columns are a step apart."""
         points = cloud.points[: cloud.num_standing]
         ranges = np.hypot(points[:, 0], points[:, 1])
         points = points[(ranges > _NEAR_M) & (ranges < _FAR_M)]
@@ -68,7 +72,9 @@ class Pieces:
             numbers, counts = np.cumsum(is_piece) - 1, counts[is_piece]
             rows = np.flatnonzero(is_piece[owners])
             points, owners = np.take(points, rows, axis=0), numbers[owners[rows]]
-        return cls(points, owners, counts)
+        ranges = np.sqrt((points**2).sum(axis=1))
+        per_m = max(_SPACING_PER_M, _NUM_STEPS * azimuth_step_rad)
+        return cls(points, owners, counts, (_SPACING_M + per_m * ranges).astype(np.float32))
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -80,12 +86,10 @@ class Pieces:
             motion: (4, 4) other_from_own.
             other: The other cloud.
         """
-        ranges = np.sqrt((self.points**2).sum(axis=1))
-        spacing = (_SPACING_M + _SPACING_PER_M * ranges).astype(np.float32)
         no_motions = np.zeros((len(self), 3), np.float32)
         flat = np.diag([1.0, 1.0, HEIGHT_SHARE, 1.0]) @ motion
         points = other.from_above
-        sums, _, _ = points.compared(self.points, self.owners, no_motions, flat, spacing)
+        sums, _, _ = points.compared(self.points, self.owners, no_motions, flat, self.spacing)
         return np.asarray(sums < _MAX_RESIDUAL_M * self.counts)
 
 

@@ -8,6 +8,7 @@ contradict, the pose competes with others: by the last sweep alone from the expe
 standing still, and from anywhere. If no motion clearly wins, the sensor is lost.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,8 +24,10 @@ from mnsf_ros.ego_motion.deskewing import Deskewing
 from mnsf_ros.ego_motion.pieces import Pieces, Testimony, angle_of
 from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.sweeps.azimuth_step import azimuth_step
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 # Maximum number of matches of a sweep, each with the motion found last.
@@ -105,6 +108,7 @@ class Match:
         motion: (4, 4) last_from_sweep.
         cloud: Its points for the map.
         map: The map that it was matched with; the sweep is not in it yet.
+        azimuth_step_rad: Between the columns of the lidar.
         during: The motion during it; None if not known.
         bending: The motion expected during the next sweep; None if not used.
     """
@@ -113,13 +117,14 @@ class Match:
     motion: Floats
     cloud: Cloud
     map: SweepMatcher
+    azimuth_step_rad: float
     during: SweepMotion | None
     bending: SweepMotion | None
 
     @cached_property
     def pieces(self) -> Pieces:
         """The pieces of the scene in it."""
-        return Pieces.of(self.cloud)
+        return Pieces.of(self.cloud, self.azimuth_step_rad)
 
     @cached_property
     def testimony(self) -> Testimony:
@@ -154,12 +159,15 @@ class Registration:
         self._map: SweepMatcher | None = None  # includes the last sweep
         self._witnesses: deque[_Witness] = deque()
         self._usual_share = _USUAL_SHARE
+        self._azimuth_step_rad = math.nan  # of the first sweep
 
     def start(self, sweep: Sweep, pose: Floats) -> None:
         """Begins with a sweep at a pose (4, 4), and forgets those before it.
 
         A sweep with too few points does not replace an earlier one.
         """
+        if math.isnan(self._azimuth_step_rad):
+            self._azimuth_step_rad = azimuth_step(turned(sweep.xyz, sweep.beams_from_sensor))
         matcher = SweepMatcher(self._settings)
         cloud = matcher.prepared(sweep, self._deskewing.motion_in(sweep))
         if cloud is None and self._map is not None:
@@ -228,7 +236,9 @@ class Registration:
             # Or there is always as little in common, as in noise.
             self._usual_share += _GAIN_IN_DOUBT * (best.testimony.share - self._usual_share)
             return Lost("no motion of the sensor explains most of what it sees", best.motion)
-        return best if best.map is self._map else self._by_map(best, pair)
+        # Of nearly the same poses that of the map is the most exact one.
+        first = next(each for each in found if each not in others)
+        return first if first.map is self._map else self._by_map(first, pair)
 
     def _by_last_sweep(self, pair: SweepPair) -> Iterator[Match]:
         """Yields poses by the last sweep alone: as expected, standing still, from anywhere."""
@@ -297,7 +307,7 @@ class Registration:
                 axes = six_axes(found.pose[:3, :3])
                 during = replace(bending, velocity=bending.velocity + axes.T @ found.velocity)
             motion = np.linalg.inv(pair.world_from_last) @ found.pose
-            match = Match(found, motion, cloud, map_, during, None)
+            match = Match(found, motion, cloud, map_, self._azimuth_step_rad, during, None)
             refined = deskewing.of_step(pair.sweep, motion, pair.interval_ns)
             if refined is None or (bending is not None and refined.is_like(bending)):
                 break
