@@ -185,6 +185,7 @@ def test_tables_have_the_figures_of_kinds_and_cells_and_targets(load, lost_score
     ]
     assert [row[2:] for row in targets.rows] == [
         ["0.025", "MISSED"],
+        ["0.0025", "MISSED"],
         ["inf", "MISSED"],
         ["inf", "MISSED"],
     ]
