@@ -59,6 +59,8 @@ _BUSES_M_S: Final = (3.0, 8.0)
 _BUS_BESIDE_M: Final = 2.4
 _BUS_GONE_M: Final = 12.0
 _STANDS_S: Final = 2.0
+# When it drives so fast that to stand would be wrong.
+_STARTED_S: Final = 2.5
 # Walking speeds of the middle of a door; its width, the height of the doorway, its distance ahead.
 _DOORS_M_S: Final = (0.5, 1.5)
 _DOOR_M, _DOORWAY_M, _DOOR_AHEAD_M = 1.1, 2.1, 1.2
@@ -156,13 +158,17 @@ def drives(case: Case) -> Iterator[Drive]:
     return DISTURBANCES[case.disturbance](case)
 
 
+def _unchanged(scene: Scene) -> Scene:
+    return scene
+
+
 class Place:
     """A simulated place, of which each sweep is simulated once."""
 
     def __init__(
         self,
         case: Case,
-        change: Callable[[Scene], Scene] = lambda scene: scene,
+        change: Callable[[Scene], Scene] = _unchanged,
         *,
         duration_s: float = 10.0,
         rate_hz: float = _RATE_HZ,
@@ -276,10 +282,16 @@ def _seen_by(cloud: Taken, at: Taken) -> Taken:
 
 def _standing_starts(case: Case) -> Iterator[Drive]:
     """The sensor stands, then drives off; it measures in the same directions, or in others."""
-    end = round(_STANDS_S * _RATE_HZ) + 1
+    end = round(_STARTED_S * _RATE_HZ)
     for directions in ("fixed", "changing"):
-        place = Place(case, stands_s=_STANDS_S, directions=directions)
+        change = _unchanged if case.place == "carried" else _without_sway
+        place = Place(case, change, stands_s=_STANDS_S, directions=directions)
         yield Drive(f"{directions} directions", place.taken(range(end + _AFTER)), end)
+
+
+def _without_sway(scene: Scene) -> Scene:
+    """The scene with a sensor that stands still where it stands."""
+    return replace(scene, ego=replace(scene.ego, sway=np.zeros((3, 3))))
 
 
 def _thrown(case: Case, variant: str, lasts_s: float, **changes: float) -> Drive:

@@ -121,7 +121,7 @@ def ranges_m(drive):
 HAPPENED = {
     "gap": lambda drive: interval_s(drive)[7] == pytest.approx(0.2),
     "frozen": lambda drive: are_repeated(drive) == [False] * 7 + [True] * 3 + [False] * 8,
-    "start": lambda drive: steps_m(drive)[:20].max() < 0.02 < steps_m(drive)[-1] - 0.15,
+    "start": lambda drive: steps_m(drive)[:20].max() == 0.0 < steps_m(drive)[-1] - 0.15,
     "turn": lambda drive: np.allclose(turns_deg(drive)[8:14], 15.0, atol=0.5),
     "push": lambda drive: (steps_m(drive)[8:10] > steps_m(drive)[6] + 0.002).all(),
     "rate": lambda drive: np.allclose(interval_s(drive), 0.5),
