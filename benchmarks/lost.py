@@ -90,7 +90,8 @@ def lost_tables(lines: Sequence[Line]) -> Iterator[Table]:
     yield Table(title, _HEADER, [*_rows(lines, "kind"), ["all", *_figures(lines)]])
     median, worst = _until_right(lines)
     targets = [
-        Target("wrong and unsaid, of all sweeps", _MAX_UNSAID, _share_unsaid(lines)),
+        Target("wrong and unsaid, of all sweeps", _MAX_UNSAID, _share(lines, "wrong_unsaid")),
+        Target("the same, if the ego motion is wrong", _MAX_UNSAID, _share(lines, "ego_unsaid")),
         Target("sweeps until right again, median", _MAX_MEDIAN_SWEEPS, median),
         Target("sweeps until right again, worst tenth", _MAX_WORST_SWEEPS, worst),
     ]
@@ -113,9 +114,10 @@ def _figures(lines: Sequence[Line]) -> list[str]:
     return [*map(str, counts), f"{median:g}/{worst:g}" if is_known else ""]
 
 
-def _share_unsaid(lines: Sequence[Line]) -> float:
+def _share(lines: Sequence[Line], name: str) -> float:
+    """Share of the sweeps that a number of the scores counts."""
     counted = sum(line.score.sweeps for line in lines)
-    return sum(line.score.wrong_unsaid for line in lines) / max(counted, 1)
+    return sum(getattr(line.score, name) for line in lines) / max(counted, 1)
 
 
 def _until_right(lines: Sequence[Line]) -> tuple[float, float]:

@@ -30,11 +30,12 @@ from mnsf_ros.simulation.traffic import walk
 from mnsf_ros.simulation.worlds import build_scene
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-# Lowest and highest beam (degrees), beams, columns.
+# Highest beam (degrees), beams, columns, and whether each point has its own time.
 SENSORS: Final = {
-    "16 beams, ±15°": (-15.0, 15.0, 16, 640),
-    "32 beams, ±25°": (-25.0, 25.0, 32, 1024),
-    "32 beams, ±45°": (-45.0, 45.0, 32, 600),
+    "16 beams, ±15°": (15.0, 16, 640, False),
+    "32 beams, ±25°": (25.0, 32, 1024, False),
+    "32 beams, ±45°": (45.0, 32, 600, False),
+    "16 beams, ±15°, rolling": (15.0, 16, 640, True),
 }
 # Speeds of the sensor in m/s; places under a roof draw theirs.
 PLACES: Final = {"street": (1.8, 8.0, 15.0), "rooms": (0.0,), "carried": (0.0,)}
@@ -58,6 +59,8 @@ _BUSES_M_S: Final = (3.0, 8.0)
 _BUS_BESIDE_M: Final = 2.4
 _BUS_GONE_M: Final = 12.0
 _STANDS_S: Final = 2.0
+# When it drives so fast that to stand would be wrong.
+_STARTED_S: Final = 2.5
 # Walking speeds of the middle of a door; its width, the height of the doorway, its distance ahead.
 _DOORS_M_S: Final = (0.5, 1.5)
 _DOOR_M, _DOORWAY_M, _DOOR_AHEAD_M = 1.1, 2.1, 1.2
@@ -88,20 +91,35 @@ class Taken:
 
     Attributes:
         sweep: Its points (N, 3).
-        pose: (4, 4) world_from_sensor at the stamp.
+        pose_at: Seconds after the stamp to world_from_sensor, (4, 4).
         static: (N,) bool, the points that are known to be at rest.
         above_ground: (N,) bool, the points that are not on the ground.
+        is_continuous: Whether poses are known between stamps, too; else flow is that of the stamps.
     """
 
     sweep: Sweep
-    pose: NDArray[Any]
+    pose_at: Callable[[float], NDArray[Any]]
     static: NDArray[np.bool_]
     above_ground: NDArray[np.bool_]
+    is_continuous: bool = True
 
     def static_flow(self, following: "Taken") -> NDArray[Any]:
-        """(N, 3) metres to the places of points at rest in the frame of the following sweep."""
-        xyz = self.sweep.xyz.astype(float)
-        return apply(invert(following.pose) @ self.pose, xyz) - xyz
+        """(N, 3) metres to the places of points at rest in the frame of the following sweep.
+
+        As in recordings, that is the frame as long after its stamp as a point is after its own.
+        """
+        xyz, times_s = self.sweep.xyz.astype(float), self.sweep.times_s
+        if times_s is None or not self.is_continuous:
+            return apply(self.motion_to(following), xyz) - xyz
+        flow = np.empty_like(xyz)
+        for after_s in np.unique(times_s):
+            own = times_s == after_s
+            flow[own] = apply(self.motion_to(following, float(after_s)), xyz[own]) - xyz[own]
+        return flow
+
+    def motion_to(self, following: "Taken", after_s: float = 0.0) -> NDArray[Any]:
+        """(4, 4) next_from_current of points at rest, so long after both stamps."""
+        return invert(following.pose_at(after_s)) @ self.pose_at(after_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +145,9 @@ def cases(disturbance: str, seeds: Sequence[int]) -> Iterator[Case]:
     """Yields all cases of a disturbance."""
     for place, speeds in PLACES.items():
         if place in _ONLY_IN.get(disturbance, PLACES):
-            for sensor, speed_m_s, seed in product(SENSORS, speeds, seeds):
+            is_moved = disturbance in _OF_MOTION
+            sensors = [name for name, each in SENSORS.items() if is_moved or not each[-1]]
+            for sensor, speed_m_s, seed in product(sensors, speeds, seeds):
                 yield Case(disturbance, place, sensor, speed_m_s, seed)
     if disturbance == "gap":
         yield from (Case(disturbance, place, "", 0.0, seed) for place in REAL for seed in seeds)
@@ -138,13 +158,17 @@ def drives(case: Case) -> Iterator[Drive]:
     return DISTURBANCES[case.disturbance](case)
 
 
+def _unchanged(scene: Scene) -> Scene:
+    return scene
+
+
 class Place:
     """A simulated place, of which each sweep is simulated once."""
 
     def __init__(
         self,
         case: Case,
-        change: Callable[[Scene], Scene] = lambda scene: scene,
+        change: Callable[[Scene], Scene] = _unchanged,
         *,
         duration_s: float = 10.0,
         rate_hz: float = _RATE_HZ,
@@ -153,16 +177,17 @@ class Place:
         """Builds the place of a case, with further settings of the simulation and a change."""
         if case.place == "street":
             settings |= {"ego_speed_m_s": case.speed_m_s}
-        low, high, num_beams, num_columns = SENSORS[case.sensor]
+        high_deg, num_beams, num_columns, is_rolling = SENSORS[case.sensor]
         drawn = SimulationSettings(case.seed, duration_s, scenario=case.place, **settings)
         sensor = Sensor(
             kind=case.sensor,
-            elevations_deg=np.linspace(low, high, num_beams),
+            elevations_deg=np.linspace(-high_deg, high_deg, num_beams),
             num_columns=num_columns,
             rate_hz=rate_hz,
             range_noise_m=0.015,
             dropout=0.02,
             max_range_m=100.0,
+            is_rolling=is_rolling,
             min_range_m=0.3,
             is_fixed=drawn.directions == "fixed",
         )
@@ -173,19 +198,23 @@ class Place:
     def take(self, index: int) -> Taken:
         """Returns a sweep."""
         if index not in self._taken:
-            simulated = self._simulator.sweep(index)
-            truth = simulated.truth
-            self._taken[index] = Taken(
-                Sweep(simulated.xyz, truth.stamp_ns, "lidar"),
-                simulated.pose,
-                truth.valid & ~truth.dynamic,
-                ~truth.ground,
-            )
+            simulator = self._simulator
+            simulated = simulator.sweep(index)
+            truth, times_ns = simulated.truth, simulated.columns.get("t")
+            times_s = None if times_ns is None else (times_ns / NANOSECONDS).astype(np.float32)
+            sweep = Sweep(simulated.xyz, truth.stamp_ns, "lidar", times_s=times_s)
+            pose_at = partial(_pose_of, simulator.scene.ego, float(simulator.times_s[index]))
+            static = truth.valid & ~truth.dynamic
+            self._taken[index] = Taken(sweep, pose_at, static, ~truth.ground)
         return self._taken[index]
 
     def taken(self, numbers: range) -> list[Taken]:
         """Returns consecutive sweeps."""
         return [self.take(number) for number in numbers]
+
+
+def _pose_of(ego: SensorTrip, stamp_s: float, after_s: float) -> NDArray[Any]:
+    return ego.world_from_sensor(stamp_s + after_s)
 
 
 def _gaps(case: Case) -> Iterator[Drive]:
@@ -230,7 +259,8 @@ def _real(arrays: dict[str, NDArray[Any]]) -> Taken:
         # Movers are labelled only in view of the camera.
         static &= arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_dynamic"]
     above_ground = ~arrays.get("is_ground", np.zeros(len(xyz), bool))
-    return Taken(sweep, arrays["pose"], static, above_ground)
+    pose = arrays["pose"]
+    return Taken(sweep, lambda _: pose, static, above_ground, is_continuous=False)
 
 
 def _frozen(case: Case) -> Iterator[Drive]:
@@ -246,15 +276,22 @@ def _frozen(case: Case) -> Iterator[Drive]:
 
 def _seen_by(cloud: Taken, at: Taken) -> Taken:
     """The points of a sweep at the time and place of another one."""
-    return replace(cloud, sweep=replace(cloud.sweep, stamp_ns=at.sweep.stamp_ns), pose=at.pose)
+    sweep = replace(cloud.sweep, stamp_ns=at.sweep.stamp_ns)
+    return replace(cloud, sweep=sweep, pose_at=at.pose_at)
 
 
 def _standing_starts(case: Case) -> Iterator[Drive]:
     """The sensor stands, then drives off; it measures in the same directions, or in others."""
-    end = round(_STANDS_S * _RATE_HZ) + 1
+    end = round(_STARTED_S * _RATE_HZ)
     for directions in ("fixed", "changing"):
-        place = Place(case, stands_s=_STANDS_S, directions=directions)
+        change = _unchanged if case.place == "carried" else _without_sway
+        place = Place(case, change, stands_s=_STANDS_S, directions=directions)
         yield Drive(f"{directions} directions", place.taken(range(end + _AFTER)), end)
+
+
+def _without_sway(scene: Scene) -> Scene:
+    """The scene with a sensor that stands still where it stands."""
+    return replace(scene, ego=replace(scene.ego, sway=np.zeros((3, 3))))
 
 
 def _thrown(case: Case, variant: str, lasts_s: float, **changes: float) -> Drive:
@@ -299,8 +336,12 @@ def _covered(taken: Taken, rng: np.random.Generator) -> Taken:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     ranges_m = _COVER_M + rng.normal(0.0, 0.01, (_COVER_POINTS, 1))
     xyz = (directions * ranges_m).astype(np.float32)
+    times_s = taken.sweep.times_s
+    if times_s is not None:
+        times_s = np.linspace(*taken.sweep.span_s, _COVER_POINTS, dtype=np.float32)
+    sweep = replace(taken.sweep, xyz=xyz, times_s=times_s)
     none = np.zeros(_COVER_POINTS, bool)
-    return replace(taken, sweep=replace(taken.sweep, xyz=xyz), static=none, above_ground=~none)
+    return replace(taken, sweep=sweep, static=none, above_ground=~none)
 
 
 def _rates(case: Case) -> Iterator[Drive]:
@@ -397,4 +438,6 @@ DISTURBANCES: Final[dict[str, Callable[[Case], Iterator[Drive]]]] = {
     "cover": _covers,
     "door": _doors,
 }
+# Where it matters that points have times of their own; those take long to simulate.
+_OF_MOTION: Final = ("gap", "start", "turn", "push")
 _ONLY_IN: Final = {"bus": ("street",), "door": ("rooms",)}

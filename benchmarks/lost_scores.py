@@ -105,14 +105,14 @@ def _verdict(taken: Taken, following: Taken, estimate: FlowEstimate | None) -> V
         return None
     known = estimate.over_ground
     assert known is not None  # noqa: S101 - the online method has an ego motion
-    true_flow = taken.static_flow(following)
-    off_m = np.linalg.norm(estimate.flow - true_flow, axis=1)
+    off_m = np.linalg.norm(estimate.flow - taken.static_flow(following), axis=1)
     judged_points = taken.static & taken.above_ground
     false = np.count_nonzero(known.dynamic & judged_points)
     too_many = max(_FALSE_POINTS, _FALSE_SHARE * np.count_nonzero(judged_points))
     is_wrong = bool(off_m[taken.static].mean() > _OFF_M) or false > too_many
     static = taken.sweep.xyz[taken.static].astype(float)
-    ego_off = apply(known.next_from_current, static) - static - true_flow[taken.static]
+    motions = known.next_from_current, taken.motion_to(following)
+    ego_off = np.subtract(*(apply(each, static) for each in motions))
     is_ego_wrong = bool(np.linalg.norm(ego_off, axis=1).mean() > _OFF_M)
     return Verdict(is_wrong, is_ego_wrong, known.lost)
 
