@@ -18,9 +18,10 @@ from mnsf_ros.ego_motion.covariance import (
     six_axes,
     step_covariance,
 )
+from mnsf_ros.ego_motion.deskewed_match import Match, SweepPair
 from mnsf_ros.ego_motion.deskewing import Deskewing
 from mnsf_ros.ego_motion.gyroscope import Gyroscope, fits
-from mnsf_ros.ego_motion.registration import Lost, Match, Registration, SweepPair
+from mnsf_ros.ego_motion.registration import Lost, Registration
 from mnsf_ros.ego_motion.sweep_matcher import Placed
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion, Turns
 from mnsf_ros.geometry.transforms import interpolated_pose

@@ -34,8 +34,6 @@ _MIN_PIECES: Final = 10
 # narrow, it is lost in turns.
 _NEW_PER_M: Final = 0.04
 _NEW_PER_RAD: Final = 0.3
-# Standard deviations between the numbers of pieces that contradict two motions.
-_CLEARLY: Final = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +112,13 @@ class Testimony:
         new = _NEW_PER_M * np.linalg.norm(motion[:3, 3]) + _NEW_PER_RAD * angle_of(motion)
         return cls(num_against, float(num_against / len(pieces) - new))
 
-    def contradicts_more(self, other: "Testimony") -> bool:
-        """Whether clearly more pieces contradict this motion than another one."""
+    def contradicts_more(self, other: "Testimony", deviations: float) -> bool:
+        """Whether by so many standard deviations more pieces contradict this motion than another.
+
+        Pieces that do are counted as events by chance are.
+        """
         number = self.num_against + other.num_against
-        return bool(self.num_against - other.num_against > _CLEARLY * np.sqrt(number))
+        return bool(self.num_against - other.num_against > deviations * np.sqrt(number))
 
 
 def angle_of(motion: Floats) -> float:

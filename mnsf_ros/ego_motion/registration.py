@@ -11,27 +11,24 @@ standing still, and from anywhere. If no motion clearly wins, the sensor is lost
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mnsf_ros.arrays import AnyFloats, Floats
 from mnsf_ros.ego_motion.cloud import Cloud
-from mnsf_ros.ego_motion.covariance import six_axes
+from mnsf_ros.ego_motion.deskewed_match import Match, SweepPair, matched
 from mnsf_ros.ego_motion.deskewing import Deskewing
-from mnsf_ros.ego_motion.pieces import Pieces, Testimony, angle_of
+from mnsf_ros.ego_motion.pieces import Testimony, angle_of
 from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
-from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.rigid_motion import turned
-from mnsf_ros.geometry.transforms import interpolated_pose
+from mnsf_ros.geometry.transforms import interpolated_pose, planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.azimuth_step import azimuth_step
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-# Maximum number of matches of a sweep, each with the motion found last.
-_MAX_ROUNDS: Final = 3
 # An earlier sweep is a witness as long as it shows nearly the same view.
 _MAX_AGE_S: Final = 1.0
 _NEAR_M: Final = 1.0
@@ -42,6 +39,14 @@ _USUAL_SHARE: Final = 0.05
 _RISE: Final = 0.1
 _GAIN: Final = 0.2
 _GAIN_IN_DOUBT: Final = 0.05
+# Standard deviations between the numbers of pieces that contradict two motions, among several and
+# between two: with less, chance moves a sensor that stands among few pieces.
+_CLEARLY: Final = 3.0
+_RATHER: Final = 2.0
+# How far, in a second, the pose of a sensor is off that started without being noticed.
+_SHIFTS_M: Final = np.linspace(-2.0, 2.0, 17)
+# Of the best of these.
+_NEARBY: Final = np.diag(np.square([0.15] * 3 + [0.02] * 3))
 # Motions are other ones if they move a point that is far away by more than this.
 _FAR_M: Final = 20.0
 _OTHER_M: Final = 0.3
@@ -75,62 +80,6 @@ class FoundAgain(NamedTuple):
     step: Floats
     cloud: Cloud
     map: SweepMatcher
-
-
-@dataclass(frozen=True, eq=False)
-class SweepPair:
-    """A sweep to register, and the one before it.
-
-    Attributes:
-        last: The sweep before it.
-        world_from_last: (4, 4) its pose.
-        sweep: The sweep.
-        expected: Its pose as expected; None if unknown.
-    """
-
-    last: Sweep
-    world_from_last: Floats
-    sweep: Sweep
-    expected: Placed | None
-
-    @property
-    def interval_ns(self) -> int:
-        """Nanoseconds between the stamps."""
-        return self.sweep.stamp_ns - self.last.stamp_ns
-
-
-@dataclass(frozen=True, eq=False)
-class Match:
-    """A registered sweep.
-
-    Attributes:
-        found: Its pose.
-        motion: (4, 4) last_from_sweep.
-        cloud: Its points for the map.
-        map: The map that it was matched with; the sweep is not in it yet.
-        azimuth_step_rad: Between the columns of the lidar.
-        during: The motion during it; None if not known.
-        bending: The motion expected during the next sweep; None if not used.
-    """
-
-    found: Placed
-    motion: Floats
-    cloud: Cloud
-    map: SweepMatcher
-    azimuth_step_rad: float
-    during: SweepMotion | None
-    bending: SweepMotion | None
-
-    @cached_property
-    def pieces(self) -> Pieces:
-        """The pieces of the scene in it."""
-        return Pieces.of(self.cloud, self.azimuth_step_rad)
-
-    @cached_property
-    def testimony(self) -> Testimony:
-        """What they say of the motion since the last sweep."""
-        motion = np.linalg.inv(self.map.last_pose) @ self.found.pose
-        return Testimony.of(self.pieces, motion, self.map.last_cloud)
 
 
 class _Witness(NamedTuple):
@@ -230,7 +179,7 @@ class Registration:
             return Lost("the sweep does not match those before it")
         best = min(found, key=lambda each: each.testimony.num_against)
         others = [each for each in found if _are_others(best.found.pose, each.found.pose)]
-        if not all(each.testimony.contradicts_more(best.testimony) for each in others):
+        if not all(each.testimony.contradicts_more(best.testimony, _CLEARLY) for each in others):
             return Lost("several motions explain what the sensor sees", best.motion)
         if self._is_doubtful(best.testimony):
             # Or there is always as little in common, as in noise.
@@ -272,14 +221,16 @@ class Registration:
         if not self._is_doubtful(testimony):
             return match
         alone = self._map_of(witness.cloud, witness.pose)
-        other = alone.match(match.cloud, None)
-        if other is None or not _are_others(pose, other.pose):
+        # Pieces tell more than the surfaces of a single sweep, which only make the pose exact.
+        other = min(_around(pose), key=lambda each: witness.testimony(match, each).num_against)
+        if not testimony.contradicts_more(witness.testimony(match, other), _RATHER):
             return match
-        if testimony.num_against <= witness.testimony(match, other.pose).num_against:
-            return match
+        exact = alone.match(match.cloud, Placed(other, _NEARBY))
+        if exact is not None and not _are_others(other, exact.pose):
+            other = exact.pose
         share = pair.interval_ns / (stamp_ns - witness.stamp_ns)
-        step = interpolated_pose(np.eye(4), np.linalg.inv(witness.pose) @ other.pose, share)
-        again = FoundAgain(other.pose, step, match.cloud, alone)
+        step = interpolated_pose(np.eye(4), np.linalg.inv(witness.pose) @ other, share)
+        again = FoundAgain(other, step, match.cloud, alone)
         return Lost("the last steps do not add up to what an earlier sweep shows", again=again)
 
     def _map_of(self, cloud: Cloud, pose: Floats) -> SweepMatcher:
@@ -288,39 +239,15 @@ class Registration:
         return matcher
 
     def _matched(self, map_: SweepMatcher | None, pair: SweepPair) -> Match | None:
-        """The pose of a sweep by a map, near the expected one; None if nothing fits.
-
-        With times of points, an unexpected motion changes the correction for the motion during the
-        sweep: the sweep is matched again with it.
-        """
         if map_ is None:
             return None
-        deskewing, expected = self._deskewing, pair.expected
-        bending, elapsed_s = deskewing.motion_in(pair.sweep), pair.interval_ns / NANOSECONDS
-        for _ in range(_MAX_ROUNDS):
-            cloud = map_.prepared(pair.sweep, bending)
-            found = None if cloud is None else map_.match(cloud, expected, elapsed_s)
-            if cloud is None or found is None:
-                return None
-            during = None
-            if bending is not None:
-                axes = six_axes(found.pose[:3, :3])
-                during = replace(bending, velocity=bending.velocity + axes.T @ found.velocity)
-            motion = np.linalg.inv(pair.world_from_last) @ found.pose
-            match = Match(found, motion, cloud, map_, self._azimuth_step_rad, during, None)
-            refined = deskewing.of_step(pair.sweep, motion, pair.interval_ns)
-            if refined is None or (bending is not None and refined.is_like(bending)):
-                break
-            if bending is None:
-                # The map has the last sweep uncorrected, because its motion was unknown.
-                map_ = SweepMatcher(self._settings)
-                map_.add(map_.prepared(pair.last, refined), Placed(pair.world_from_last))
-            expected, bending = expected or Placed(found.pose), refined
-        if refined is None:
-            refined = deskewing.expected
-        elif bending is not None:
-            refined = bending.towards(refined)
-        return replace(match, bending=refined)
+        return matched(map_, pair, self._deskewing, self._settings, self._azimuth_step_rad)
+
+
+def _around(pose: Floats) -> Iterator[Floats]:
+    """Yields poses (4, 4) beside a pose, on a grid."""
+    for x, y in product(_SHIFTS_M, _SHIFTS_M):
+        yield pose @ planar_pose(x, y, 0.0)
 
 
 def _are_others(first: AnyFloats, second: AnyFloats) -> bool:

@@ -20,11 +20,9 @@ def azimuth_step(xyz: Floats32) -> float:
     Args:
         xyz: (N, 3) metres, frame of the lens, z along the axis of the beams.
     """
-    ranges = np.linalg.norm(xyz, axis=1)
-    is_seen = ranges > 0
-    xyz, ranges = xyz[is_seen], ranges[is_seen]
-    beams = np.floor(np.arcsin(np.clip(xyz[:, 2] / ranges, -1, 1)) / _BEAM_RAD).astype(np.int64)
-    azimuths = np.arctan2(xyz[:, 1], xyz[:, 0])
+    x, y, z = xyz[xyz.any(axis=1)].T
+    beams = np.floor(np.arctan2(z, np.hypot(x, y)) / _BEAM_RAD).astype(np.int64)
+    azimuths = np.arctan2(y, x)
     numbers, counts = np.unique(beams, return_counts=True)
     fullest = np.argsort(-counts, kind="stable")[:_NUM_BEAMS]
     steps = [
