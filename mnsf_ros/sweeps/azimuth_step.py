@@ -20,7 +20,7 @@ def azimuth_step(xyz: Floats32) -> float:
     Args:
         xyz: (N, 3) metres, frame of the lens, z along the axis of the beams.
     """
-    x, y, z = xyz[xyz.any(axis=1)].T
+    x, y, z = xyz[xyz.any(axis=1)].T.astype(np.float64)
     beams = np.floor(np.arctan2(z, np.hypot(x, y)) / _BEAM_RAD).astype(np.int64)
     azimuths = np.arctan2(y, x)
     numbers, counts = np.unique(beams, return_counts=True)
