@@ -87,7 +87,9 @@ class Examiner:
             text = f"clouds: {num_clouds}, a flow needs {_LEAST_CLOUDS} in a row and more"
             found.insert(0, Finding("clouds come in a row", Severity.ERROR, text, "Record more"))
         if self._lost:
-            found.insert(0, _lost_finding(self._lost, self._num_located))
+            # What is wrong with the input is mostly its cause, and comes first.
+            found.append(_lost_finding(self._lost, self._num_located))
+            found.sort(key=lambda finding: -finding.severity)
         return Examination({**about, **self.check.facts()}, found, [*notes])
 
 
