@@ -16,7 +16,6 @@ _ASSUMPTION: Final = "stamps are the times of the sweeps"
 # At 10 m/s it is .05 m, the noise of registration.
 _MAX_JITTER_S: Final = 0.005
 _MIN_SWEEPS: Final = 8
-_NUM_POINTS: Final = 300
 # Speeds at which motion tells the interval; slower sensors shake as much as they move.
 _MIN_SPEED_M_S: Final = 2.0
 # How much better one clock must explain the motion than the other.
@@ -36,12 +35,11 @@ class Stamps(Assumption):
         """Takes the next sweep."""
         stamp_ns = sample.sweep.stamp_ns
         self._first_ns = self._first_ns or stamp_ns
-        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.sweep.times_s
+        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.sweep.some_times_s
         first_s = 0.0
         if times_s is not None and len(times_s):
             # A single point may be early.
-            few = np.sort(times_s[:: 1 + len(times_s) // _NUM_POINTS])
-            first_s = few[len(few) // 100]
+            first_s = np.sort(times_s)[len(times_s) // 100]
         self._stamps_s.append(stamp_s)
         self._starts_s.append(stamp_s + float(first_s))
 
