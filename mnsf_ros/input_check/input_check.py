@@ -17,6 +17,7 @@ from mnsf_ros.input_check.fresh_clouds import FreshClouds
 from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.imu_goes_on import ImuGoesOn
 from mnsf_ros.input_check.level_frame import LevelFrame
+from mnsf_ros.input_check.metres import Metres
 from mnsf_ros.input_check.odometry_fit import OdometryFit
 from mnsf_ros.input_check.point_times import TimesOfPoints
 from mnsf_ros.input_check.revolution import Revolution
@@ -68,6 +69,7 @@ class InputCheck:
         self._assumptions: tuple[Assumption, ...] = (
             FreshClouds(memory),
             WholeView(memory),
+            Metres(),
             SteadyScale(memory),
             SteadyAxes(memory),
             CloudLayout(),

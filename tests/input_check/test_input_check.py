@@ -117,6 +117,10 @@ def few_early(cloud, number):
     return cloud.with_times("t", np.where(rows, 0, cloud.columns["t"]).astype(np.uint32))
 
 
+def in_unit(cloud, number):
+    return replace(cloud, xyz=cloud.xyz * number)
+
+
 def late_stamp(cloud, number):
     return replace(cloud, stamp_ns=cloud.stamp_ns + (37 * number) % 5 * 8_000_000)
 
@@ -147,6 +151,9 @@ def odd_odometry(cloud, number):
 
 DISTURBED = {
     "no number of a clock": (lambda one, _: of_seconds(one, 100.0), "field 'time': values from"),
+    "millimetres": (lambda one, _: in_unit(one, 1000), "Divide the coordinates by 1000"),
+    "centimetres": (lambda one, _: in_unit(one, 100), "Divide the coordinates by 100,"),
+    "UTM": (lambda one, _: one.moved(shifted(500_000.0, 0.0)), "the origin of the frame is 500,0"),
     "an eighth": (lambda one, _: of_seconds(one, 0.125), "set time.field=clockwise:"),
     "rounded": (lambda one, _: of_seconds(one, 1.0, 0.01), "only 11 different values"),
     "late stamps": (late_stamp, "ms off an even clock"),
