@@ -13,8 +13,7 @@ from mnsf_ros.input_check.finding import Finding, Severity
 from mnsf_ros.input_check.sweep_sample import SweepSample
 
 _ASSUMPTION: Final = "coordinates are metres from the lidar"
-# Lidars of vehicles and robots see up to 300 m, and most points much nearer: within 26 m in all
-# recordings and simulated streams that were tried.
+# Lidars of vehicles and robots see up to 300 m, and most points much nearer.
 _FARTHEST_M: Final = 300.0
 # Half of the points in millimetres are farther, of a camera in a room, too; in centimetres nearer.
 _MILLIMETRES: Final = 2000.0
