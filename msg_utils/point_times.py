@@ -36,7 +36,9 @@ _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "n
 # the lowest and highest, by more than twice their span. A sample of the values tells.
 _FEW: Final = 0.05
 _MAX_AWAY: Final = 2.0
-_NUM_SAMPLES: Final = 2000
+# Where the samples are in a cloud, 0 to 1: one in each part. At even steps they would be the same
+# few rows of some clouds, and miss the times of all others.
+_PLACES: Final = (np.arange(2000) + np.random.default_rng(0).random(2000)) / 2000
 # Times farther apart, of so many points each, were rounded: lidars measure a firing, a column or a
 # packet at a time, of 2 ms at most.
 _COARSE_S: Final = 0.003
@@ -155,7 +157,7 @@ def _without_the_lost(
 
 def _coarse_step(values: npt.NDArray[np.float64], unit_s: float) -> float:
     """Returns the mean step between times that were rounded, in seconds; 0 if they were not."""
-    sample = values[:: max(1, len(values) // _NUM_SAMPLES)]
+    sample = _some(values)
     shared = np.unique(sample[np.isfinite(sample)])
     step_s = float(shared[-1] - shared[0]) * unit_s / max(len(shared) - 1, 1)
     if step_s < _COARSE_S or len(shared) * _MANY > len(sample):
@@ -165,9 +167,16 @@ def _coarse_step(values: npt.NDArray[np.float64], unit_s: float) -> float:
     return step_s
 
 
+def _some(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Returns values from all over the cloud; all of them if they are few."""
+    if len(values) <= len(_PLACES):
+        return values
+    return values[(_PLACES * len(values)).astype(np.int64)]
+
+
 def _most(values: npt.NDArray[np.float64]) -> tuple[float, float]:
     """Returns the lowest and highest value without a few of each."""
-    sample = values[:: max(1, len(values) // _NUM_SAMPLES)]
+    sample = _some(values)
     sample = np.sort(sample[np.isfinite(sample)])
     if not len(sample):
         raise _UnfitError("no value is finite")

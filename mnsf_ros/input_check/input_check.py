@@ -9,6 +9,7 @@ import numpy as np
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.clear_view import ClearView
+from mnsf_ros.input_check.close_clouds import CloseClouds
 from mnsf_ros.input_check.cloud_layout import CloudLayout
 from mnsf_ros.input_check.computer_clock import ComputerClock
 from mnsf_ros.input_check.episodes import LIVE_MEMORY
@@ -17,7 +18,10 @@ from mnsf_ros.input_check.fresh_clouds import FreshClouds
 from mnsf_ros.input_check.imu_fit import ImuFit
 from mnsf_ros.input_check.imu_goes_on import ImuGoesOn
 from mnsf_ros.input_check.level_frame import LevelFrame
+from mnsf_ros.input_check.metres import Metres
+from mnsf_ros.input_check.new_points import NewPoints
 from mnsf_ros.input_check.odometry_fit import OdometryFit
+from mnsf_ros.input_check.one_lidar import OneLidar
 from mnsf_ros.input_check.point_times import TimesOfPoints
 from mnsf_ros.input_check.revolution import Revolution
 from mnsf_ros.input_check.robot_in_view import RobotInView
@@ -65,15 +69,20 @@ class InputCheck:
         self._last_cloud = ("", 0)  # frame and stamp
         self._mounting = mounting
         self._lock = threading.Lock()
+        new_points = NewPoints()
         self._assumptions: tuple[Assumption, ...] = (
             FreshClouds(memory),
             WholeView(memory),
+            new_points,
+            OneLidar(),
+            Metres(),
             SteadyScale(memory),
             SteadyAxes(memory),
             CloudLayout(),
             Revolution(),
+            CloseClouds(settings.buffer),
             Stamps(),
-            TimesOfPoints(rotation),
+            TimesOfPoints(rotation, new_points),
             LevelFrame(mounting),
             RobotInView(is_searched=settings.crop.own_body == "auto"),
             self._clock,

@@ -11,6 +11,7 @@ from mnsf_ros.arrays import Floats
 from mnsf_ros.ego_motion.lidar_rotation import LidarRotation
 from mnsf_ros.input_check.assumption import Assumption
 from mnsf_ros.input_check.finding import Finding, Severity
+from mnsf_ros.input_check.new_points import NewPoints
 from mnsf_ros.input_check.sweep_sample import Step, SweepSample
 from mnsf_ros.sweeps.azimuth_times import AzimuthTimes, Turn
 
@@ -43,8 +44,9 @@ class _Times(NamedTuple):
 class TimesOfPoints(Assumption):
     """Compares the times of points with the interval of stamps and with azimuths."""
 
-    def __init__(self, rotation: LidarRotation) -> None:
+    def __init__(self, rotation: LidarRotation, new_points: NewPoints) -> None:
         """Starts without clouds; `rotation` is that of the stream."""
+        self._new_points = new_points
         self._rotation = rotation
         self._times: deque[_Times] = deque(maxlen=100)
         self._intervals_s: deque[float] = deque(maxlen=100)
@@ -91,7 +93,8 @@ class TimesOfPoints(Assumption):
             yield Finding(_ASSUMPTION, Severity.ERROR, f"{found}: {self._fault}", remedy)
         elif not self._times:
             yield from self._without()
-        elif self._intervals_s:
+        # The times of several sweeps in a cloud are right; without them it would be worse.
+        elif self._intervals_s and self._new_points.num_sweeps == 1:
             yield from self._contradictions(float(np.median(self._intervals_s)))
 
     @property

@@ -16,11 +16,12 @@ _ASSUMPTION: Final = "stamps are the times of the sweeps"
 # At 10 m/s it is .05 m, the noise of registration.
 _MAX_JITTER_S: Final = 0.005
 _MIN_SWEEPS: Final = 8
-_NUM_POINTS: Final = 300
 # Speeds at which motion tells the interval; slower sensors shake as much as they move.
 _MIN_SPEED_M_S: Final = 2.0
 # How much better one clock must explain the motion than the other.
 _CLEARLY: Final = 0.7
+# Stamps around an even clock are off it by less than their intervals are.
+_DRIFT: Final = 1.2
 
 
 class Stamps(Assumption):
@@ -36,12 +37,11 @@ class Stamps(Assumption):
         """Takes the next sweep."""
         stamp_ns = sample.sweep.stamp_ns
         self._first_ns = self._first_ns or stamp_ns
-        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.sweep.times_s
+        stamp_s, times_s = (stamp_ns - self._first_ns) / NANOSECONDS, sample.sweep.some_times_s
         first_s = 0.0
         if times_s is not None and len(times_s):
             # A single point may be early.
-            few = np.sort(times_s[:: 1 + len(times_s) // _NUM_POINTS])
-            first_s = few[len(few) // 100]
+            first_s = np.sort(times_s)[len(times_s) // 100]
         self._stamps_s.append(stamp_s)
         self._starts_s.append(stamp_s + float(first_s))
 
@@ -63,6 +63,12 @@ class Stamps(Assumption):
         """Yields what does not fit."""
         if len(self._stamps_s) < _MIN_SWEEPS or self._jitter_s < _MAX_JITTER_S:
             return
+        if not self._is_of_a_clock:
+            low_s, high_s = np.quantile(np.diff(self._stamps_s), (0.05, 0.95))
+            found = f"clouds come at uneven intervals of {low_s:.2f} to {high_s:.2f} s"
+            remedy = "If they are keyframes nothing needs doing, as their stamps are used"
+            yield Finding(_ASSUMPTION, Severity.INFO, found, remedy)
+            return
         found = f"stamps are up to {1e3 * self._jitter_s:.0f} ms off an even clock"
         severity = Severity.WARNING
         by_stamps_m, by_clock_m = self._unexplained_m()
@@ -82,6 +88,21 @@ class Stamps(Assumption):
     @property
     def _jitter_s(self) -> float:
         return _jitter_s(self._stamps_s)
+
+    @property
+    def _is_of_a_clock(self) -> bool:
+        """Whether stamps stay near a line: late ones are followed by a short interval.
+
+        The intervals of keyframes by distance follow the speed, and add up.
+        """
+        stamps_s = np.array(self._stamps_s)
+        usual_s = np.median(np.diff(stamps_s))
+        skipped = np.maximum(np.round(np.diff(stamps_s, prepend=stamps_s[0]) / (usual_s or 1.0)), 0)
+        for ticks in (np.arange(len(stamps_s)), skipped.cumsum()):
+            off_s = stamps_s - np.polyval(np.polyfit(ticks, stamps_s, 1), ticks)
+            if np.quantile(np.abs(off_s), 0.9) < _DRIFT * self._jitter_s:
+                return True
+        return False
 
     def _unexplained_m(self) -> tuple[float, float]:
         """Metres of a step that the speed beside it leaves, by stamps and by an even clock."""

@@ -93,9 +93,17 @@ class Sweep:
     @cached_property
     def some_xyz(self) -> Floats32:
         """(512, 3) metres, some of the points, spread over the cloud; (0, 3) without any."""
-        return (
-            self.xyz.take((_SOME * len(self)).astype(np.int64), axis=0) if len(self) else self.xyz
-        )
+        return self.xyz.take(self._some_rows, axis=0) if len(self) else self.xyz
+
+    @property
+    def some_times_s(self) -> Floats32 | None:
+        """(512,) seconds, the times of `some_xyz`; None if unknown."""
+        times_s = self.times_s
+        return times_s if times_s is None or not len(self) else times_s.take(self._some_rows)
+
+    @property
+    def _some_rows(self) -> Ints:
+        return (_SOME * len(self)).astype(np.int64)
 
     @cached_property
     def fingerprint(self) -> bytes:

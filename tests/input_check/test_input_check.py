@@ -117,6 +117,10 @@ def few_early(cloud, number):
     return cloud.with_times("t", np.where(rows, 0, cloud.columns["t"]).astype(np.uint32))
 
 
+def in_unit(cloud, number):
+    return replace(cloud, xyz=cloud.xyz * number)
+
+
 def late_stamp(cloud, number):
     return replace(cloud, stamp_ns=cloud.stamp_ns + (37 * number) % 5 * 8_000_000)
 
@@ -147,6 +151,9 @@ def odd_odometry(cloud, number):
 
 DISTURBED = {
     "no number of a clock": (lambda one, _: of_seconds(one, 100.0), "field 'time': values from"),
+    "millimetres": (lambda one, _: in_unit(one, 1000), "Divide the coordinates by 1000"),
+    "centimetres": (lambda one, _: in_unit(one, 100), "Divide the coordinates by 100,"),
+    "UTM": (lambda one, _: one.moved(shifted(500_000.0, 0.0)), "the origin of the frame is 500,0"),
     "an eighth": (lambda one, _: of_seconds(one, 0.125), "set time.field=clockwise:"),
     "rounded": (lambda one, _: of_seconds(one, 1.0, 0.01), "only 11 different values"),
     "late stamps": (late_stamp, "ms off an even clock"),
@@ -209,6 +216,66 @@ CORRECTED = {
     "zeros": lambda one, _: one.with_points(np.zeros((500, 3))),
     "shell": shell,
 }
+
+
+def windows(number):
+    """Each cloud with the points of the last ones, and absolute times."""
+    clouds = [
+        replace(one, stamp_ns=10**18 + 10**8 * k)
+        for k, one in enumerate([*street(), *reversed(street())])
+    ]
+    for several in zip(*(clouds[k:] for k in range(number)), strict=False):
+        xyz = np.concatenate([one.xyz for one in several])
+        times = [(one.stamp_ns + one.columns["t"].astype(np.int64)) / 1e9 for one in several]
+        yield replace(several[-1], xyz=xyz, columns={"timestamp": np.concatenate(times)})
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_clouds_with_points_of_those_before_are_said_with_a_remedy_that_helps(number):
+    findings = wrong(windows(number))
+    assert any(f"has those of {number} sweeps" in one.found for one in findings)
+    assert not any("time.field" in one.remedy for one in findings)
+
+
+def test_a_lidar_with_coarse_ranges_that_stands_has_new_points():
+    """As none moves and ranges are coarse, four fifths of the points are as always."""
+    rng, first = np.random.default_rng(0), street()[0]
+    clouds = [
+        replace(
+            first,
+            stamp_ns=10**18 + 10**8 * k,
+            xyz=np.where(rng.random((len(first.xyz), 1)) < 0.8, first.xyz, first.xyz * 1.001),
+        )
+        for k in range(40)
+    ]
+    assert not any("cloud before" in one.found for one in wrong(clouds))
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_lidars_in_turn_on_one_topic_are_said(number):
+    clouds = [one.moved(turned("z", 360 / number * (k % number))) for k, one in enumerate(street())]
+    assert any(f"clouds show {number} views in turn" in one.found for one in wrong(clouds))
+
+
+def test_keyframes_are_no_fault_of_the_clock():
+    clouds, stamps_s = street(), np.cumsum(0.15 + 0.1 * np.sin(np.arange(NUM_SWEEPS) / 4))
+    clouds = [
+        replace(one, stamp_ns=10**18 + int(1e9 * stamp_s))
+        for one, stamp_s in zip(clouds, stamps_s, strict=True)
+    ]
+    findings = checked(clouds).findings()
+    assert any("clouds come at uneven intervals of 0.0" in one.found for one in findings)
+    assert not any("clock" in one.found for one in findings)
+
+
+def test_intervals_that_are_too_long_are_said_with_the_value():
+    clouds = [
+        replace(one, stamp_ns=10**18 + 5 * 10**8 * k + 2 * 10**7 * (k % 2))
+        for k, one in enumerate(street())
+    ]
+    (finding,) = [one for one in wrong(clouds) if "intervals between clouds" in one.found]
+    assert "12 of 24 intervals between clouds are longer than 0.5 s" in finding.found
+    assert finding.remedy == "Set buffer.max_interval_s=0.6"
 
 
 @pytest.mark.parametrize("name", CORRECTED)

@@ -13,16 +13,17 @@ STAMP_NS = 1_700_000_000_123_456_789
 STAMP_S = STAMP_NS * 1e-9
 # When the points of a sweep of 0.1 s were measured, seconds after the first, in no order.
 SWEEP_S = np.random.default_rng(0).permutation(np.linspace(0.0, 0.0999, NUM))
-ALL = np.ones(NUM, bool)
 
 
 def cloud_of(**columns):
-    xyz = {axis: np.zeros(NUM, np.float32) for axis in "xyz"}
-    return encode_columns({**xyz, **columns}, 1, NUM)
+    number = len(next(iter(columns.values())))
+    xyz = {axis: np.zeros(number, np.float32) for axis in "xyz"}
+    return encode_columns({**xyz, **columns}, 1, number)
 
 
 def decoded(*, rule=TimeSettings(), interval_s=0.1, **columns):  # noqa: B008
-    return decode_times(cloud_of(**columns), ALL, STAMP_NS, rule, interval_s)
+    cloud = cloud_of(**columns)
+    return decode_times(cloud, np.ones(cloud.width, bool), STAMP_NS, rule, interval_s)
 
 
 # Driver to field name, type, and value of a point measured so many seconds after the first one.
@@ -81,6 +82,22 @@ def test_field_and_unit_can_be_told():
 def test_the_next_field_is_tried_if_one_is_unfit():
     times = decoded(t=np.zeros(NUM, np.uint32), timestamp=SWEEP_S + STAMP_S)
     np.testing.assert_allclose(times.times_s, SWEEP_S, atol=2e-6)
+
+
+@pytest.mark.parametrize("num_columns", [900, 1000, 1024, 1536, 2048])
+@pytest.mark.parametrize("num_rows", [16, 32])
+def test_rows_that_are_measured_one_after_the_other_have_times(num_columns, num_rows):
+    """Points of a column beside each other: every 16th of them, and others, are of few rows."""
+    by_row_s = 0.1 * np.arange(num_rows) / num_rows
+    times = decoded(t=np.tile((1e9 * by_row_s).astype(np.uint32), num_columns))
+    assert times.fault == ""
+    np.testing.assert_allclose(times.times_s, np.tile(by_row_s, num_columns), atol=1e-6)
+
+
+def test_times_of_few_values_were_rounded():
+    times = decoded(t=np.round(SWEEP_S, 2) // 0.02 * 0.02)
+    assert times.times_s is None
+    assert "rounded, as by lossy compression" in times.fault
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300, 7.0, 0.5, -1.7e9])
