@@ -17,6 +17,7 @@ class Verdict(Enum):
 
     OPEN = "not decided yet"
     GROUND = "ground"
+    CEILING = "ceiling"
     TOO_HIGH = "too high above the ground"
     OUTSIDE_CROP = "outside the crop"
     NO_OBJECT = "seen a second time in the same revolution"

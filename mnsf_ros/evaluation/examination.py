@@ -124,7 +124,7 @@ def _lost_finding(lost: Sequence[tuple[float, str]], number: int) -> Finding:
     is_rare = len(lost) <= _MAX_LOST_SHARE * number
     return Finding(
         "the ego motion is known",
-        Severity.NOTE if is_rare else Severity.ERROR,
+        Severity.INFO if is_rare else Severity.ERROR,
         f"the ego motion is lost in {len(lost):,} of {number:,} sweeps, first at {first_s:.3f} s: "
         f"{text}",
         "Check there for gaps between the clouds, a driver that repeats a cloud, and stamps; where "

@@ -16,6 +16,7 @@ from mnsf_ros.geometry.point_grid import PointGrid
 from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.geometry.segmentation import Segmentation
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.ceiling import ceiling_mask
 from mnsf_ros.sweeps.kept_points import MIN_POINTS, ground_under
 from mnsf_ros.sweeps.range_view import RangeView
 from mnsf_ros.sweeps.sweep import Sweep
@@ -32,11 +33,13 @@ class ObjectSweep:
         input: The input sweep.
         pose: Pose of the sensor.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
-        kept: (N,) bool, the points inside the crop that are not ground, own body, or too high.
+        kept: (N,) bool, the points inside the crop that are not ground, own body, ceiling, or too
+            high.
         ground: The ground under it.
         own: (N,) bool, the points on the own body.
+        ceiling: (N,) bool, the points on a ceiling.
         heights: (N,) float32, metres above ground of its points. NaN says: outside the crop, or on
-            the own body. -infinity says: above `objects.max_height_m`.
+            the own body. -infinity says: on a ceiling, or above `objects.max_height_m`.
         clock: Measuring time of each direction; None if unknown.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
@@ -68,6 +71,10 @@ class ObjectSweep:
             self.heights[is_high] = -np.inf
         self.own = np.zeros(len(sweep), np.bool_) if own is None else own
         self.heights[self.own] = np.nan
+        self.ceiling: Bools = np.zeros(len(sweep), np.bool_)
+        if settings.ground.remove:
+            self.ceiling = ceiling_mask(self.xyz, self.heights > lowest_m, settings.ground)
+            self.heights[self.ceiling] = -np.inf
         self.kept = self.heights > lowest_m
         self.clock = None
         if pose.motion is not None and sweep.times_s is not None:

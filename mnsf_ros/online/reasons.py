@@ -45,6 +45,8 @@ class Reasons:
         current = self.scene.current
         if 2 * np.count_nonzero(current.own[rows]) > len(rows):
             return Reason(Verdict.OWN_BODY)
+        if 2 * np.count_nonzero(current.ceiling[rows]) > len(rows):
+            return Reason(Verdict.CEILING)
         objects = current.object_ids()[rows]
         number = int(np.bincount(objects[objects > 0]).argmax()) if (objects > 0).any() else 0
         if number == 0:

@@ -136,7 +136,8 @@ def ground_of(xyz: Floats32) -> Floats | None:
     """Returns (4,) n, h of the ground under points (N, 3), so that n x + h is a height above it.
 
     The ground is the plane with most points that has nearly none beyond it, if possible one that is
-    nearly level; otherwise it may be a wall. None if no ground is seen.
+    nearly level. One as steep as a wall is taken only if none is level: the walls of corridors have
+    more points than the floor. None if no ground is seen.
     """
     near = np.einsum("ij,ij->i", xyz, xyz) < _REACH_M**2
     points = thinned(chosen_points(xyz, near), _CELL_M).astype(np.float64)
@@ -146,6 +147,8 @@ def ground_of(xyz: Floats32) -> Floats | None:
     points = points[random.permutation(len(points))[:_MAX_POINTS]]
     normals, heights, shares = _planes_of(points, random)
     is_level = normals[:, 2] >= np.cos(np.radians(_USUAL_TILT_DEG))
+    if shares[is_level].max(initial=0.0) >= _MIN_SHARE:
+        shares[np.abs(normals[:, 2]) < np.cos(np.radians(_MIN_WALL_DEG))] = 0.0
     # Between floor and ceiling, the frame is taken as it is.
     best = np.argmax(np.where(is_level, 2 * shares, shares))
     if shares.max() < _MIN_SHARE:
@@ -164,7 +167,7 @@ def _nearly_axis(up: Floats) -> Floats:
 
 
 def _planes_of(points: Floats, random: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """Random planes through points (N, 3), metres.
+    """Planes through points (N, 3), metres: random ones, and as many that are level.
 
     Returns:
         (K, 3) normals, upwards if they are ground; (K,) height of the origin above each; and (K,)
@@ -175,6 +178,9 @@ def _planes_of(points: Floats, random: np.random.Generator) -> tuple[Floats, Flo
     lengths = np.linalg.norm(normals, axis=1)
     normals, first = normals[lengths > _CELL_M], first[lengths > _CELL_M]
     normals /= lengths[lengths > _CELL_M, None]
+    # Few random planes hit a narrow floor.
+    normals = np.concatenate([normals, np.broadcast_to(_UP, first.shape)])
+    first = np.concatenate([first, first])
     offsets = np.sum(first * normals, axis=1)
     heights = points @ normals.T - offsets
     above, below = (np.mean(side * heights > 2 * _TOLERANCE_M, axis=0) for side in (1, -1))

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from box_street import SENSOR_HEIGHT_M, BoxStreet, pose
+from hall import hall
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.settings import Settings
@@ -121,3 +122,13 @@ def test_without_ground_it_is_looked_for_again():
 def test_any_finite_points_have_no_ground_or_some(value):
     sweep = Sweep(np.full((2000, 3), value, np.float32))
     assert mounted(sweep).tilt is None
+
+
+@pytest.mark.parametrize("view", [(16, 15.0), (32, 25.0), (64, 22.0), (128, 45.0)])
+@pytest.mark.parametrize("size", [(60, 2, 2.6), (60, 1.6, 2.6), (60, 2, 3.5), (30, 12, 4.0)])
+def test_the_larger_walls_of_a_corridor_are_not_taken_for_the_floor(view, size):
+    xyz, _ = hall((-20.0 if size[0] == 60 else 0.0, 0.0), size, *view)
+    estimate = MountingEstimate()
+    sweep = Sweep(xyz, frame_id="lidar")
+    assert mounted(sweep, estimate) is sweep
+    assert estimate.found.is_level
