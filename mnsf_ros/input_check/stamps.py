@@ -22,6 +22,8 @@ _MIN_SPEED_M_S: Final = 2.0
 _CLEARLY: Final = 0.7
 # Stamps around an even clock are off it by less than their intervals are.
 _DRIFT: Final = 1.2
+# Intervals that are so many times the median are gaps.
+_GAP: Final = 1.5
 
 
 class Stamps(Assumption):
@@ -57,7 +59,9 @@ class Stamps(Assumption):
         few = len(intervals_s) // 4  # gaps, and as many of the shortest
         rate_hz = 1 / max(float(intervals_s[few : len(intervals_s) - few].mean()), 1e-9)
         text = f"{rate_hz:.1f} Hz, stamps within {1e3 * _jitter_s(self._stamps_s):.1f} ms"
-        return {"rate": f"{text} of an even clock"}
+        gaps_s = intervals_s[intervals_s > _GAP * intervals_s[len(intervals_s) // 2]]
+        gaps = f"; gaps: {len(gaps_s)}, up to {gaps_s[-1]:.1f} s" if len(gaps_s) else ""
+        return {"rate": f"{text} of an even clock{gaps}"}
 
     def findings(self) -> Iterator[Finding]:
         """Yields what does not fit."""

@@ -4,7 +4,8 @@
 import pytest
 
 NAMES = {
-    "the last cloud again and again": "the points are those of an earlier cloud",
+    "the last cloud again and again": "ego motion: clouds repeat",
+    "jump in yaw of 90 degrees": "ego motion: no motion of the sensor explains",
     "IMU stops": "turn rates of the IMU ended",
 }
 

@@ -321,6 +321,13 @@ def test_facts_describe_the_stream():
     assert facts["own body"] == "none"
 
 
+def test_gaps_are_said_beside_the_rate():
+    clouds = street()
+    assert "gaps" not in checked(clouds).facts()["rate"]
+    cut = [*clouds[:8], *clouds[11:]]
+    assert checked(cut).facts()["rate"].endswith("even clock; gaps: 1, up to 0.4 s")
+
+
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_too_few_points_are_the_one_fault(number):
     clouds = [cloud.rows(np.arange(number)) for cloud in street(is_rolling=False)[:2]]
