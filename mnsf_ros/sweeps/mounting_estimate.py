@@ -36,6 +36,9 @@ _MIN_SHARE: Final = 0.1
 _MAX_TILT_DEG: Final = 6.0
 # Few lidars are tilted more.
 _USUAL_TILT_DEG: Final = 30.0
+# A floor is no more than so many times farther away than the wall of a corridor; a house front that
+# is level in the frame of a lidar on its side is.
+_TIMES_FARTHER: Final = 4.0
 # Mounts along an axis are exact: the ground is known to a degree only.
 _NEARLY: Final = np.cos(np.radians(3.0))
 # Planes steeper than this may be walls: only parameters or TF know of such a tilt.
@@ -147,8 +150,11 @@ def ground_of(xyz: Floats32) -> Floats | None:
     points = points[random.permutation(len(points))[:_MAX_POINTS]]
     normals, heights, shares = _planes_of(points, random)
     is_level = normals[:, 2] >= np.cos(np.radians(_USUAL_TILT_DEG))
-    if shares[is_level].max(initial=0.0) >= _MIN_SHARE:
-        shares[np.abs(normals[:, 2]) < np.cos(np.radians(_MIN_WALL_DEG))] = 0.0
+    is_wall = np.abs(normals[:, 2]) < np.cos(np.radians(_MIN_WALL_DEG))
+    floor, wall = (np.argmax(np.where(each, shares, 0.0)) for each in (is_level, is_wall))
+    is_near = abs(heights[floor]) < _TIMES_FARTHER * abs(heights[wall])
+    if is_level[floor] and shares[floor] >= _MIN_SHARE and is_near:
+        shares[is_wall] = 0.0
     # Between floor and ceiling, the frame is taken as it is.
     best = np.argmax(np.where(is_level, 2 * shares, shares))
     if shares.max() < _MIN_SHARE:
