@@ -74,22 +74,6 @@ def test_parts_are_put_together(sizes_deg, num_points):
     assert [part for parts in groups for part in parts] == clouds[1 : 1 + num_parts * len(groups)]
 
 
-@pytest.mark.parametrize("origin_m", [0.0, 1.5])
-@pytest.mark.parametrize(
-    ("size_deg", "num_points"), [(4.8, 250), (2.4, 128), (2.4, 384), (1.2, 30)]
-)
-def test_packets_are_put_together(size_deg, num_points, origin_m):
-    clouds = list(turning([size_deg], round(5 * 360 / size_deg), num_points))
-    for part in clouds:
-        part.xyz[:, 0] += origin_m
-    groups = [len(parts) for parts in groups_of(clouds)]
-    at = groups.index(0)
-    # Until enough packets have shown that they are parts.
-    assert at < 30
-    assert len(groups[at + 1 :]) == 4
-    np.testing.assert_allclose(groups[at + 1 :], 360 / size_deg, atol=0.05 * 360 / size_deg)
-
-
 def test_the_origin_may_be_metres_from_the_lens():
     clouds = []
     for part in turning([36.0], 40):
